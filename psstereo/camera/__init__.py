@@ -1,0 +1,8 @@
+"""Cameras: how pixels and points in space belong together."""
+
+from psstereo.camera.camera import Camera
+from psstereo.camera.catalogue import CAMERAS
+from psstereo.camera.orthographic import Orthographic
+from psstereo.camera.pinhole import Pinhole
+
+__all__ = ["CAMERAS", "Camera", "Orthographic", "Pinhole"]
