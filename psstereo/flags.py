@@ -23,7 +23,7 @@ class Flag(IntFlag):
     NO_SIGNAL = 8
     NOT_FINITE = 16
     NOT_CONVERGED = 32
-    SATURATED = 64
+    UNUSABLE_SAMPLE = 64
     SHADOWED = 128
     NO_REDUNDANCY = 256
     FACING_AWAY = 512
@@ -64,7 +64,11 @@ FLAGS: tuple[FlagInfo, ...] = (
     FlagInfo(flag=Flag.NO_SIGNAL, fatal=True, sentence="The pixel is black under every light."),
     FlagInfo(flag=Flag.NOT_FINITE, fatal=True, sentence="The solution is not a finite number."),
     FlagInfo(flag=Flag.NOT_CONVERGED, fatal=False, sentence="The solver stopped before it had converged."),
-    FlagInfo(flag=Flag.SATURATED, fatal=False, sentence="At least one observation was saturated and left out."),
+    FlagInfo(
+        flag=Flag.UNUSABLE_SAMPLE,
+        fatal=False,
+        sentence="At least one observation was saturated, out of the valid range or not a number, and was left out.",
+    ),
     FlagInfo(flag=Flag.SHADOWED, fatal=False, sentence="At least one observation was in shadow and left out."),
     FlagInfo(
         flag=Flag.NO_REDUNDANCY,

@@ -1,0 +1,266 @@
+"""From a capture to normals and albedo: read once, solve in blocks, put the answer together.
+
+Pixels are solved in blocks of a fixed number, counted from the first pixel of the mask. Threads and tiles only decide
+who solves which block and when, so the answer is the same to the last bit for any number of either.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from psstereo.capture import Capture
+from psstereo.errors import InputError
+from psstereo.flags import Flag, fatal_mask
+from psstereo.lights import StrengthUnit
+from psstereo.normals.channels import combine_channels
+from psstereo.normals.least_squares import LeastSquares
+from psstereo.normals.memory import BLOCK, MemoryPlan, plan_memory
+from psstereo.normals.solver import NormalSolver, Samples
+from psstereo.results import AlbedoKind, NormalsResult, Outcome
+from psstereo.stack import Conversion, MemoryStore, PixelSet, SampleStore, SpillStore, gather, gray_weights
+from psstereo.types import FlagArray, FloatArray, Map, Progress, no_progress
+
+__all__ = ["estimate_normals"]
+
+_NEARLY_WHITE = 0.98
+"""Share of full scale from which a value counts as saturated; sensors bend before they clip."""
+
+
+def estimate_normals(
+    capture: Capture,
+    solver: NormalSolver[Any] | None = None,
+    *,
+    gray: str | Sequence[float] = "mean",
+    clip: float | None = None,
+    valid_range: tuple[float, float] | None = None,
+    weights: FloatArray | None = None,
+    max_memory: int | None = None,
+    over: Map = map,
+    progress: Progress = no_progress,
+) -> NormalsResult:
+    """Recover normals and albedo from a capture.
+
+    Parameters
+    ----------
+    capture : Capture
+        Images, lights, mask.
+    solver : NormalSolver, optional
+        The method; least squares with shadow and saturation gates if absent.
+    gray : str or sequence of float
+        How channels become one value, a name in :data:`psstereo.stack.GRAY` or one weight a channel; or
+        ``"per-channel"``: every channel is solved and the albedo has channels.
+    clip : float, optional
+        Upper bound put on brightness over light strength, as published baselines do.
+    valid_range : (float, float), optional
+        Raw values, as shares of full scale, outside of which an observation is left out. From the solver's gate if
+        absent: below 0.98 where saturated values are left out and the images have a full scale.
+    weights : float array (m, h, w), optional
+        Weights of the observations, inverse variances up to a factor; zero leaves one out.
+    max_memory : int, optional
+        Bound for arrays [byte]. If the samples do not fit they wait in a temporary file.
+    over : map-like
+        Executes images and blocks, such as the ``map`` of a thread pool.
+    progress : callable
+        Told how far reading and solving are.
+
+    Returns
+    -------
+    NormalsResult
+        Normals, albedo, uncertainty and flags; float64 for float64 images, float32 otherwise.
+
+    Raises
+    ------
+    RigError
+        If the lights cannot give normals.
+    UnsupportedError
+        If the solver does not work with such lights.
+    InputError
+        If images are black, or do not fit each other, the mask or the weights.
+    OptionError
+        If an option's value is unknown.
+    """
+    method = LeastSquares() if solver is None else solver
+    started = time.perf_counter()
+    state = method.prepare(capture.rig)  # before anything is decoded: a bad rig is told at once
+    pixels = PixelSet.from_mask(capture.effective_mask)
+    channels = gray_weights(gray, capture.stack.shape[3])
+    conversion = _conversion(capture, channels.matrix, method.gate.saturation, clip, valid_range)
+    job = _BlockJob(method, state, _pixel_weights(weights, capture, pixels), len(channels.matrix))
+    plan = plan_memory(capture.stack, pixels, len(channels.matrix), max_memory)
+    with _store(plan) as store:
+        largest = gather(capture.stack, pixels, conversion, store, over=over, progress=progress)
+        _require_light(largest, capture.stack.names)
+        read = time.perf_counter()
+        answer = _solve_blocks(job, store, plan, over, progress)
+    facts = {
+        "solver": method.name,
+        "gate": method.gate.name,
+        "gray": channels.name,
+        "clip": clip,
+        "valid_range": None if conversion.valid is None else [v / capture.stack.white for v in conversion.valid],
+        "lights": len(capture.rig),
+        "light_condition": capture.rig.condition() if capture.rig.all_distant else None,
+        "light_source": capture.rig.source,
+        "pixels": len(pixels),
+        "samples_in": "memory" if plan.in_memory else "temporary file",
+        "sample_bytes": plan.sample_bytes,
+    }
+    seconds = {"read": read - started, "solve": time.perf_counter() - read}
+    return _assemble(answer, pixels, capture, facts, seconds)
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """Values of all pixels under the mask: normals (p, 3), albedo (p, c), uncertainty (p,), flags (p,)."""
+
+    normals: FloatArray
+    albedo: FloatArray
+    uncertainty: FloatArray
+    flags: FlagArray
+
+
+@dataclass(frozen=True, eq=False)
+class _BlockJob:
+    """Solves one block of pixels, all its channels."""
+
+    solver: NormalSolver[Any]
+    state: Any
+    weights: FloatArray | None
+    channels: int
+
+    def __call__(self, block: tuple[int, FloatArray]) -> _Answer:
+        start, values = block
+        weights = None if self.weights is None else self.weights[:, start : start + values.shape[2]]
+        parts = [self.solver.solve(self.state, Samples(values[k], weights)) for k in range(self.channels)]
+        if self.channels > 1:
+            return _Answer(*combine_channels(parts))
+        part = parts[0]
+        length = np.sqrt((part.scaled * part.scaled).sum(axis=1))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            normals = part.scaled / length[:, None]
+        return _Answer(normals, length[:, None], part.uncertainty, part.flags)
+
+
+def _solve_blocks(job: _BlockJob, store: SampleStore, plan: MemoryPlan, over: Map, progress: Progress) -> _Answer:
+    from threadpoolctl import threadpool_limits
+
+    _, _, count = store.shape
+    dtype = plan.dtype
+    out = _Answer(
+        np.zeros((count, 3), dtype),
+        np.zeros((count, job.channels), dtype),
+        np.zeros(count, dtype),
+        np.zeros(count, np.uint16),
+    )
+    # One thread a block: linear algebra that splits a block itself would round differently from run to run.
+    with threadpool_limits(1, user_api="blas"):
+        for tile in range(0, count, plan.tile):
+            values = store.read(tile, min(tile + plan.tile, count))
+            starts = range(0, values.shape[2], BLOCK)
+            blocks = [(tile + s, values[:, :, s : s + BLOCK]) for s in starts]
+            for (start, part), answer in zip(blocks, over(job, blocks), strict=True):
+                where = slice(start, start + part.shape[2])
+                out.normals[where], out.albedo[where] = answer.normals, answer.albedo
+                out.uncertainty[where], out.flags[where] = answer.uncertainty, answer.flags
+                progress("solving pixels", where.stop, count)
+    return out
+
+
+def _conversion(
+    capture: Capture,
+    matrix: FloatArray,
+    drop_saturated: bool,
+    clip: float | None,
+    valid_range: tuple[float, float] | None,
+) -> Conversion:
+    stack = capture.stack
+    strengths = capture.rig.strengths(stack.shape[3])
+    valid = None
+    if valid_range is not None:
+        low, high = valid_range
+        if not low < high:
+            raise InputError(
+                given=f"The valid range is {low} to {high}.",
+                needed="The lower end must be below the upper one.",
+                remedy="Give shares of full scale such as 0.01,0.98.",
+            )
+        valid = (low * stack.white, high * stack.white)
+    elif drop_saturated and stack.saturates:
+        valid = (-np.inf, _NEARLY_WHITE * stack.white)
+    return Conversion(
+        factors=matrix[None] / (strengths[:, None] * stack.white),
+        response=capture.response,
+        dark=capture.dark,
+        valid=valid,
+        clip=clip,
+    )
+
+
+def _pixel_weights(weights: FloatArray | None, capture: Capture, pixels: PixelSet) -> FloatArray | None:
+    if weights is None:
+        return None
+    w = np.asarray(weights)
+    if w.shape != capture.stack.shape[:3] or not np.isfinite(w).all() or (w < 0).any():
+        raise InputError(
+            given=f"The weights have the shape {w.shape}.",
+            needed=f"They must be {capture.stack.shape[:3]}, one an observation, finite and not negative.",
+            remedy="Use zero for an observation that should be left out.",
+        )
+    return np.asarray(w.reshape(len(w), -1)[:, pixels.indices], np.float64)
+
+
+def _store(plan: MemoryPlan) -> SampleStore:
+    kind = MemoryStore if plan.in_memory else SpillStore
+    return kind(plan.shape, plan.dtype)
+
+
+def _require_light(largest: FloatArray, names: tuple[str, ...]) -> None:
+    """Refuse images that hold nothing; least squares would take them for deep shadow everywhere."""
+    black = np.flatnonzero(largest <= 0)
+    if len(black) == len(names):
+        raise InputError(
+            given="All images are black under the mask.",
+            needed="The object must be visible.",
+            remedy="Check the exposure, the mask, and that the dark image is not one of the lit ones.",
+        )
+    if len(black):
+        raise InputError(
+            given=f"The image {names[black[0]]} is black everywhere under the mask"
+            + (f", and {len(black) - 1} more." if len(black) > 1 else "."),
+            needed="Each light must reach some part of the object.",
+            remedy="Leave it out together with its light; its flash may have failed.",
+        )
+
+
+def _assemble(
+    answer: _Answer, pixels: PixelSet, capture: Capture, facts: dict[str, Any], seconds: dict[str, float]
+) -> NormalsResult:
+    """Spread the pixels' values over the image and say what they mean."""
+    flags = answer.flags
+    with np.errstate(invalid="ignore"):
+        flags[answer.normals[:, 2] <= 0] |= np.uint16(Flag.FACING_AWAY)
+    lost = int(np.count_nonzero(fatal_mask(flags)))
+    if lost == len(flags):
+        raise InputError(
+            given="No pixel under the mask could be solved.",
+            needed="Each pixel needs three lights that reach it and do not lie in one plane.",
+            remedy="Try without gate, check that lights and images are in the same order, or widen the valid range.",
+        )
+    albedo = answer.albedo[:, 0] if answer.albedo.shape[1] == 1 else answer.albedo
+    kind = AlbedoKind.RELATIVE
+    if capture.radiance_at_white is not None and capture.rig.strength_unit is StrengthUnit.IRRADIANCE:
+        kind = AlbedoKind.REFLECTANCE
+        albedo = albedo * np.asarray(np.pi * capture.radiance_at_white, albedo.dtype)
+    return NormalsResult(
+        normals=pixels.scatter(answer.normals),
+        albedo=pixels.scatter(albedo),
+        uncertainty=pixels.scatter(answer.uncertainty),
+        flags=pixels.scatter(flags, int(Flag.OUTSIDE_MASK)),
+        albedo_kind=kind,
+        outcome=Outcome.PARTIAL if lost else Outcome.SOLVED,
+        facts={**facts, "pixels_lost": lost},
+        seconds=seconds,
+    )

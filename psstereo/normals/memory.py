@@ -1,0 +1,93 @@
+"""How much memory an estimate takes, and what to do when that is too much."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from psstereo.errors import InputError
+from psstereo.stack import ImageStack, PixelSet
+from psstereo.stack.gather import sample_dtype
+
+__all__ = ["BLOCK", "MemoryPlan", "plan_memory"]
+
+BLOCK = 2048
+"""Pixels solved at once: large enough to hide the interpreter, small enough for 96 lights to stay in the cache."""
+
+_WORKERS = 2
+"""Images decoded and blocks solved at the same time, as assumed for the bound."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MemoryPlan:
+    """Where samples wait and how many pixels are solved between two reads.
+
+    Attributes
+    ----------
+    shape : (int, int, int)
+        Samples: values, images, pixels.
+    dtype : numpy dtype
+        Of the samples and of the result.
+    in_memory : bool
+        Whether the samples stay in memory rather than in a temporary file.
+    tile : int
+        Pixels a read, a multiple of `BLOCK`.
+    sample_bytes : int
+        Size of all samples [byte].
+    """
+
+    shape: tuple[int, int, int]
+    dtype: np.dtype[Any]
+    in_memory: bool
+    tile: int
+    sample_bytes: int
+
+
+def plan_memory(stack: ImageStack, pixels: PixelSet, values: int, max_memory: int | None) -> MemoryPlan:
+    """Decide where the samples wait.
+
+    Parameters
+    ----------
+    stack : ImageStack
+        The images.
+    pixels : PixelSet
+        Pixels wanted.
+    values : int
+        Values an observation: 1 for gray, the number of channels otherwise.
+    max_memory : int or None
+        Bound for arrays; no bound if absent [byte].
+
+    Returns
+    -------
+    MemoryPlan
+        The plan.
+
+    Raises
+    ------
+    InputError
+        If even the smallest tile does not fit.
+    """
+    m, h, w, c = stack.shape
+    dtype = sample_dtype(stack)
+    count = len(pixels)
+    total = values * m * count * dtype.itemsize
+    # Result: normals, albedo and uncertainty, once by pixel and once as image; indices; flags.
+    result = (count + h * w) * ((4 + values) * dtype.itemsize + 2) + 16 * count
+    box = (pixels.box[0].stop - pixels.box[0].start) * (pixels.box[1].stop - pixels.box[1].start)
+    decoding = _WORKERS * (h * w * c * (stack.dtype.itemsize + 1) + box * (c + values + 1) * dtype.itemsize)
+    solving = _WORKERS * m * BLOCK * 8 * 6
+    fixed = result + max(decoding, solving)
+    whole = MemoryPlan(
+        shape=(values, m, count), dtype=dtype, in_memory=True, tile=-(-count // BLOCK) * BLOCK, sample_bytes=total
+    )
+    if max_memory is None or total + fixed <= max_memory:
+        return whole
+    block = values * m * BLOCK * dtype.itemsize
+    room = (max_memory - fixed) // block
+    if room < 1:
+        raise InputError(
+            given=f"The memory limit is {max_memory / 1e6:.0f} MB.",
+            needed=f"Images of {w} × {h} pixels under {m} lights take {(fixed + block) / 1e6:.0f} MB even in tiles.",
+            remedy="Allow that much, crop the images to the object, or bin their pixels.",
+        )
+    return MemoryPlan(shape=whole.shape, dtype=dtype, in_memory=False, tile=int(room) * BLOCK, sample_bytes=total)

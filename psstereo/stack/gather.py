@@ -1,0 +1,187 @@
+"""From images to samples: the pixels under the mask, one row an image, ready for a solver.
+
+Each image is decoded once, and in one pass over it the dark level is taken off, the channels are weighted and divided
+by the strength of their light, and the pixels under the mask are picked. Only the samples stay.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from psstereo.scratch import Scratch
+from psstereo.stack.response import LINEAR, Response
+from psstereo.stack.stack import ImageStack
+from psstereo.stack.store import SampleStore
+from psstereo.types import Array, BoolArray, FloatArray, IntArray, Map, Progress, no_progress
+
+__all__ = ["Conversion", "PixelSet", "gather", "sample_dtype"]
+
+
+@dataclass(frozen=True, eq=False)
+class PixelSet:
+    """The pixels under a mask, in row-major order.
+
+    Attributes
+    ----------
+    shape : (int, int)
+        Rows and columns of the image.
+    indices : int array (p,)
+        Flat indices into the image.
+    box : (slice, slice)
+        Smallest rectangle that holds them.
+    in_box : int array (p,)
+        Flat indices into that rectangle.
+    """
+
+    shape: tuple[int, int]
+    indices: IntArray
+    box: tuple[slice, slice]
+    in_box: IntArray
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    @classmethod
+    def from_mask(cls, mask: BoolArray) -> "PixelSet":
+        """List the pixels of a mask, bool (h, w), with at least one pixel set."""
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        box = (slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1))
+        return cls((mask.shape[0], mask.shape[1]), np.flatnonzero(mask), box, np.flatnonzero(mask[box]))
+
+    def scatter(self, values: Array, fill: float = np.nan) -> Array:
+        """Return an image (h, w, ...) that holds values (p, ...) at these pixels and `fill` elsewhere."""
+        image = np.full((self.shape[0] * self.shape[1], *values.shape[1:]), fill, values.dtype)
+        image[self.indices] = values
+        return image.reshape(*self.shape, *values.shape[1:])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Conversion:
+    """How pixel values become samples: ``Σ_c factors[i, k, c] · (linear(value) − dark)``.
+
+    Attributes
+    ----------
+    factors : float64 array (m, k, c)
+        Channel weights over light strengths and full scale, k values an image.
+    response : Response
+        Camera response to undo.
+    dark : float array (h, w, c) or None
+        Level without the light, in linear pixel values.
+    valid : (float, float) or None
+        Open range of raw pixel values outside of which an observation is not usable; it becomes NaN.
+    clip : float or None
+        Upper bound put on the samples afterwards.
+    """
+
+    factors: FloatArray
+    response: Response = LINEAR
+    dark: FloatArray | None = None
+    valid: tuple[float, float] | None = None
+    clip: float | None = None
+
+
+def sample_dtype(stack: ImageStack) -> np.dtype[Any]:
+    """Return float64 for float64 images and float32 for all others, which it holds without loss or nearly so."""
+    return np.dtype(np.float64) if stack.dtype == np.float64 else np.dtype(np.float32)
+
+
+def gather(
+    stack: ImageStack,
+    pixels: PixelSet,
+    conversion: Conversion,
+    store: SampleStore,
+    *,
+    over: Map = map,
+    progress: Progress = no_progress,
+) -> FloatArray:
+    """Decode every image once and put its samples into a store.
+
+    Parameters
+    ----------
+    stack : ImageStack
+        The images.
+    pixels : PixelSet
+        Which pixels are wanted.
+    conversion : Conversion
+        How values become samples.
+    store : SampleStore
+        Takes k rows of p samples an image; NaN marks an observation outside the valid range.
+    over : map-like
+        Executes the images; a thread pool's ``map`` pays, since decoders release the interpreter's lock.
+    progress : callable
+        Told after each image.
+
+    Returns
+    -------
+    float64 array (m,)
+        Largest sample of each image, NaN if none is usable.
+
+    Raises
+    ------
+    InputError, MissingFileError, UnreadableFileError
+        If an image does not fit the others, is not there, or is damaged.
+    """
+    job = _ImageJob(stack, pixels, conversion, store)
+    largest = np.zeros(len(stack))
+    for index, value in enumerate(over(job, range(len(stack)))):
+        largest[index] = value
+        progress("reading images", index + 1, len(stack))
+    return largest
+
+
+@dataclass(frozen=True, eq=False)
+class _ImageJob:
+    """Converts one image; a class rather than a closure so that any executor can take it."""
+
+    stack: ImageStack
+    pixels: PixelSet
+    conversion: Conversion
+    store: SampleStore
+    scratch: Scratch = field(default_factory=Scratch)
+
+    def __call__(self, index: int) -> float:
+        frame = self.stack.frame(index)[self.pixels.box]
+        factors, valid = self.conversion.factors[index], self.conversion.valid
+        if frame.strides[2] < 0 and self.conversion.dark is None:
+            # B, G, R in memory: turn the factors round instead of the pixels
+            frame, factors = frame[..., ::-1], factors[:, ::-1]
+        combined = self._combine(frame, factors)
+        samples = self.scratch.array("samples", (len(factors), len(self.pixels)), combined.dtype)
+        for k in range(len(factors)):
+            np.take(combined[..., k].reshape(-1), self.pixels.in_box, out=samples[k], mode="clip")
+        if self.conversion.clip is not None:
+            np.minimum(samples, self.conversion.clip, out=samples)
+        if valid is not None:
+            _drop_outside(frame, valid, factors, self.pixels.in_box, samples)
+        self.store.write(index, samples)
+        return float(np.fmax.reduce(samples, axis=None))
+
+    def _combine(self, frame: Array, factors: FloatArray) -> FloatArray:
+        """Return (rows, columns, k) sums over the channels, float32, or float64 for float64 images."""
+        import cv2
+
+        dtype = np.float64 if frame.dtype == np.float64 else np.float32
+        linear = self.scratch.array("linear", frame.shape, dtype)
+        np.copyto(linear, self._linear(frame), casting="same_kind")
+        out = self.scratch.array("combined", (*frame.shape[:2], len(factors)), dtype)
+        cv2.transform(linear, np.ascontiguousarray(factors, dtype), dst=out)
+        return out
+
+    def _linear(self, frame: Array) -> Array:
+        how = self.conversion
+        linear = frame if how.response.is_linear else how.response.linearise(frame, self.stack.white)
+        return linear if how.dark is None else linear - how.dark[self.pixels.box]
+
+
+def _drop_outside(
+    frame: Array, valid: tuple[float, float], factors: FloatArray, in_box: IntArray, samples: FloatArray
+) -> None:
+    """Put NaN where a channel that is used lies outside the valid range."""
+    low, high = valid
+    # Nearly all images have none, and one look at the extremes costs a tenth of a comparison of all pixels.
+    if frame.max() < high and (low == -np.inf or frame.min() > low):
+        return
+    bad = ((frame >= high) | (frame <= low)).reshape(-1, frame.shape[2]).take(in_box, axis=0)
+    for k, row in enumerate(factors):
+        samples[k][bad[:, row != 0].any(axis=1)] = np.nan
