@@ -1,1 +1,20 @@
-"""TODO."""
+"""Metrics: how far a result is from the truth, and whether it can be a surface at all."""
+
+from psstereo.metrics.albedo import AlbedoError, albedo_error
+from psstereo.metrics.angular import AngularSummary, ShortTruth, angular_error, summarise_angles
+from psstereo.metrics.height import ALIGNMENTS, HeightError, height_error
+from psstereo.metrics.integrability import Integrability, integrability
+
+__all__ = [
+    "ALIGNMENTS",
+    "AlbedoError",
+    "AngularSummary",
+    "HeightError",
+    "Integrability",
+    "ShortTruth",
+    "albedo_error",
+    "angular_error",
+    "height_error",
+    "integrability",
+    "summarise_angles",
+]

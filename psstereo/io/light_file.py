@@ -1,0 +1,156 @@
+"""Light directions and strengths from a file of any of the usual shapes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from psstereo.errors import InputError, UnreadableFileError
+from psstereo.io.text import read_lines, read_table
+from psstereo.stack.decode import read_bytes
+from psstereo.types import FloatArray
+
+__all__ = ["Directions", "as_rows", "read_directions"]
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """Vectors toward lights as they stand in a file, not normalised.
+
+    Attributes
+    ----------
+    vectors : float64 array (m, 3)
+        One row a light.
+    notes : tuple of str
+        What was found out about them, as sentences.
+    """
+
+    vectors: FloatArray
+    notes: tuple[str, ...] = ()
+
+
+def as_rows(values: FloatArray, count: int | None, source: str, *, layout: str | None = None) -> Directions:
+    """Turn a matrix of light vectors into one row a light.
+
+    Parameters
+    ----------
+    values : float array (m, 3) or (3, m)
+        The matrix as read.
+    count : int or None
+        Number of images, if known.
+    source : str
+        Name of the file, for messages.
+    layout : {"rows", "columns"}, optional
+        One light a row or a column; needed for 3 × 3 numbers, which fit both.
+
+    Returns
+    -------
+    Directions
+        One row a light.
+
+    Raises
+    ------
+    InputError
+        If the matrix is 3 × 3 and no layout is given, or fits neither.
+    """
+    rows, columns = values.shape
+    if layout is None and (rows, columns) == (3, 3):
+        raise InputError(
+            given=f"{source} holds 3 × 3 numbers.",
+            needed="It must be known whether a light is a row or a column; the numbers cannot tell.",
+            remedy="Say --lights-layout rows or columns, or write lights.layout in capture.toml.",
+        )
+    transposed = layout == "columns" or (layout is None and columns != 3 and rows == 3)
+    vectors = values.T if transposed else values
+    if vectors.shape[1] != 3 or (count is not None and len(vectors) != count):
+        raise InputError(
+            given=f"{source} holds {rows} rows of {columns} numbers"
+            + (f"; there are {count} images." if count is not None else "."),
+            needed="Each image needs one light of three numbers, x y z.",
+            remedy="Check for missing or extra rows; a light taken out needs its image taken out too.",
+        )
+    note = (f"{source} has one light a column; it was transposed.",) if transposed else ()
+    return Directions(np.ascontiguousarray(vectors, np.float64), note)
+
+
+def read_directions(path: Path, count: int | None = None, *, layout: str | None = None) -> Directions:
+    """Read light vectors from text, ``.lp``, ``.npy`` or ``.mat``.
+
+    Parameters
+    ----------
+    path : Path
+        ``.lp`` (count, then name and vector a line), ``.npy``, ``.mat`` with one matrix that fits, or text with one
+        light a row or a column; a first line that holds only the count is skipped.
+    count : int, optional
+        Number of images.
+    layout : {"rows", "columns"}, optional
+        One light a row or a column, where the numbers cannot tell.
+
+    Returns
+    -------
+    Directions
+        Vectors in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If the shape fits neither reading, or both.
+    MissingFileError, UnreadableFileError
+        If the file is not there or holds something else.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".lp":
+        from psstereo.io.lp_file import read_lp
+
+        entries = read_lp(path)
+        return as_rows(entries.vectors, count, path.name, layout="rows")
+    if suffix == ".npy":
+        return as_rows(_numpy_matrix(path), count, path.name, layout=layout)
+    if suffix == ".mat":
+        return as_rows(_matlab_matrix(path), count, path.name, layout=layout)
+    table = read_table(path, skip=1 if _has_count(path) else 0)
+    found = as_rows(table.values, count, path.name, layout=layout)
+    return Directions(found.vectors, table.notes + found.notes)
+
+
+def _has_count(path: Path) -> bool:
+    """Whether the first line is a single integer above a table of vectors."""
+    lines = read_lines(path)
+    return len(lines) > 1 and lines[0].strip().isdigit() and len(lines[1].split()) > 1
+
+
+def _numpy_matrix(path: Path) -> FloatArray:
+    read_bytes(path)
+    try:
+        return _matrix(np.load(path, allow_pickle=False), path)
+    except (ValueError, OSError, EOFError) as error:
+        raise _unreadable(path, str(error)) from None
+
+
+def _matlab_matrix(path: Path) -> FloatArray:
+    import scipy.io
+
+    read_bytes(path)
+    try:
+        content = scipy.io.loadmat(path)
+    except (ValueError, NotImplementedError, TypeError, OSError) as error:
+        raise _unreadable(path, str(error)) from None
+    fits = {k: v for k, v in content.items() if not k.startswith("__") and getattr(v, "ndim", 0) == 2 and 3 in v.shape}
+    if len(fits) != 1:
+        raise _unreadable(path, f"it holds {len(fits)} matrices with three rows or columns")
+    return _matrix(next(iter(fits.values())), path)
+
+
+def _matrix(values: object, path: Path) -> FloatArray:
+    array = np.asarray(values)
+    if array.ndim != 2 or array.dtype.kind not in "fiu":
+        raise _unreadable(path, f"it holds an array of shape {array.shape} and type {array.dtype}")
+    return array.astype(np.float64)
+
+
+def _unreadable(path: Path, why: str) -> UnreadableFileError:
+    return UnreadableFileError(
+        given=f"The lights file {path} cannot be read: {why}.",
+        needed="A matrix of three numbers a light.",
+        remedy="Save the light directions as text, one line x y z for each image.",
+    )

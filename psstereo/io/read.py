@@ -1,0 +1,99 @@
+"""From a folder to a capture: which layout it is, why, and what is in it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from psstereo.capture import Capture, Truth
+from psstereo.errors import InputError, MissingFileError, OptionError
+from psstereo.io.catalogue import READERS
+from psstereo.io.parts import images_in
+from psstereo.io.reader import Choices
+
+__all__ = ["Recognition", "read_capture", "recognise"]
+
+
+@dataclass(frozen=True)
+class Recognition:
+    """A layout that fits a folder.
+
+    Attributes
+    ----------
+    format : str
+        Name of the reader.
+    reason : str
+        Why it fits.
+    """
+
+    format: str
+    reason: str
+
+
+def recognise(path: Path) -> list[Recognition]:
+    """Return every layout that fits, the one that would be taken first."""
+    found = ((name, reader.recognise(path)) for name, reader in READERS.items())
+    return [Recognition(name, reason) for name, reason in found if reason]
+
+
+def read_capture(
+    path: Path | str, *, layout: str | None = None, choices: Choices | None = None
+) -> tuple[Capture, Truth | None]:
+    """Read a capture from a folder, or from the file that describes it.
+
+    Parameters
+    ----------
+    path : Path or str
+        A folder in a known layout, or a ``capture.toml``, ``.lp``, ``.mat`` or list of images.
+    layout : str, optional
+        Name of the reader; the first that recognises the folder if absent.
+    choices : Choices, optional
+        What is said about lights and mask instead of the folder's own files.
+
+    Returns
+    -------
+    capture : Capture
+        What was measured; images are decoded when they are needed.
+    truth : Truth or None
+        What is known of the surface, if the folder holds it.
+
+    Raises
+    ------
+    MissingFileError
+        If the path does not exist, or a file that is listed in it.
+    InputError
+        If no layout fits.
+    OptionError
+        If `layout` is no known name.
+    """
+    source = Path(path)
+    if not source.exists():
+        raise MissingFileError(
+            given=f"{source} does not exist.",
+            needed="A folder with photographs and a file that says where the lights were.",
+            remedy="Check the name; quote names with blanks.",
+        )
+    if layout is not None and layout not in READERS:
+        raise OptionError(
+            given=f"The format {layout!r} is unknown.",
+            needed=f"Known are {', '.join(READERS)}.",
+            remedy="Choose one of them, or leave the choice to the program.",
+        )
+    name = layout
+    if name is None:
+        fits = recognise(source)
+        if not fits:
+            raise _unknown(source)
+        name = fits[0].format
+    return READERS[name].read(source, choices or Choices())
+
+
+def _unknown(path: Path) -> InputError:
+    images = len(images_in(path))
+    endings = (".txt", ".lp", ".toml", ".csv")
+    texts = sorted(p.name for p in path.iterdir() if p.suffix in endings) if path.is_dir() else []
+    return InputError(
+        given=f"{path} has {images} images and "
+        + (f"the text files {', '.join(texts[:4])}" if texts else "no text files")
+        + ", which is no layout that is known.",
+        needed="The images and a file with the light directions, such as light_directions.txt or an .lp file.",
+        remedy="Add one, or write a capture.toml (see psstereo info --template); psstereo info --formats lists layouts.",
+    )
