@@ -3,20 +3,30 @@
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-
+from psstereo.camera import Orthographic
 from psstereo.capture import Capture, Truth
-from psstereo.errors import InputError
+from psstereo.errors import InputError, MissingFileError
+from psstereo.io.distant_lights import distant_rig
+from psstereo.io.image_names import match_files
 from psstereo.io.light_file import read_directions
-from psstereo.io.normal_map import read_normal_map
-from psstereo.io.parts import find_camera, find_depth, find_mask, images_in, require_files
+from psstereo.io.parts import (
+    channel_values,
+    find_camera,
+    find_dark,
+    find_depth,
+    find_mask,
+    images_in,
+    read_true_normals,
+)
 from psstereo.io.reader import Choices, Reader
 from psstereo.io.text import read_lines, read_table
-from psstereo.lights import Rig
 from psstereo.stack import FileStack, ImageStack
 from psstereo.types import FloatArray
 
-__all__ = ["Diligent"]
+__all__ = ["Diligent", "light_intensities", "listed_images", "true_surface"]
+
+_LISTS = ("filenames.txt", "names.txt")
+"""Lists of images: DiLiGenT's own, and that of SDPS-Net and PS-FCN."""
 
 
 class Diligent(Reader):
@@ -33,51 +43,81 @@ class Diligent(Reader):
         """See :meth:`Reader.recognise`."""
         if not (path / "light_directions.txt").is_file():
             return None
-        if (path / "filenames.txt").is_file():
-            return "filenames.txt and light_directions.txt are there"
+        for name in _LISTS:
+            if (path / name).is_file():
+                return f"{name} and light_directions.txt are there"
         return "light_directions.txt lies beside images" if _images(path) else None
 
     def read(self, path: Path, choices: Choices) -> tuple[Capture, Truth | None]:
         """See :meth:`Reader.read`."""
-        listed = path / "filenames.txt"
-        if listed.is_file():
-            names = [line.strip() for line in read_lines(listed) if line.strip()]
-            files = require_files([path / name for name in names], "filenames.txt")
-        else:
-            files = tuple(_images(path))
-        stack = FileStack(files)
-        lights = choices.lights or path / "light_directions.txt"
-        directions = read_directions(lights, len(stack), layout=choices.lights_layout)
-        strengths, notes = _intensities(path / "light_intensities.txt", stack)
+        stack, name_notes = listed_images(path)
+        count = len(stack)
+        strengths, notes = light_intensities(path / "light_intensities.txt", stack)
+        rig, light_notes = distant_rig(
+            stack,
+            choices,
+            lambda: read_directions(path / "light_directions.txt", count, layout=choices.lights_layout),
+            "light_directions.txt",
+            strengths=strengths,
+            strengths_source="light_intensities.txt",
+        )
+        dark, dark_notes = find_dark(path, stack)
         camera, camera_notes = find_camera(path)
         shape = (stack.shape[1], stack.shape[2])
+        truth = true_surface(path, shape)
+        if truth is not None and truth.depth is not None and isinstance(camera, Orthographic):
+            camera_notes = ("The true depth is in a unit of its own; the size of a pixel on the object is unknown.",)
         capture = Capture(
             stack=stack,
-            rig=Rig.distant(directions.vectors, strengths, source=lights.name),
+            rig=rig,
             camera=camera,
             mask=find_mask(path, shape, choices),
+            dark=dark,
             name=path.resolve().name,
-            notes=(*directions.notes, *notes, *camera_notes, *_near_note(path)),
+            notes=(*name_notes, *light_notes, *notes, *dark_notes, *camera_notes, *_near_note(path)),
         )
-        return capture, _truth(path, shape)
+        return capture, truth
+
+
+def listed_images(path: Path) -> tuple[FileStack, tuple[str, ...]]:
+    """Return the images of ``filenames.txt`` or ``names.txt``; without a list, all but mask, truth and dark image."""
+    listed = next((path / name for name in _LISTS if (path / name).is_file()), None)
+    if listed is None:
+        found = tuple(_images(path))
+        if not found:
+            raise MissingFileError(
+                given=f"There are no images in {path}.",
+                needed="The photographs lie beside light_directions.txt.",
+                remedy="Name the folder that holds the images.",
+            )
+        return FileStack(found), ()
+    names = [line.strip() for line in read_lines(listed) if line.strip()]
+    matches = match_files(path, names, listed.name)
+    return FileStack(matches.paths), matches.notes
 
 
 def _images(path: Path) -> list[Path]:
-    known = ("mask", "normal", "albedo", "depth")
+    known = ("mask", "normal", "albedo", "depth", "dark", "ambient")
     return [p for p in images_in(path) if not p.stem.lower().startswith(known)]
 
 
-def _intensities(path: Path, stack: ImageStack) -> tuple[FloatArray | None, tuple[str, ...]]:
+def light_intensities(path: Path, stack: ImageStack) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """Return strengths (m, c) from a file with one row a light, None if it is not there, and notes."""
     if not path.is_file():
-        return None, ("No light_intensities.txt: all lights are taken to be equally strong.",)
-    values = read_table(path).values
+        return None, (f"No {path.name}: all lights are taken to be equally strong.",)
+    table = read_table(path)
+    values = table.values
     if values.shape[0] != len(stack) and values.shape[1] == len(stack):
         values = values.T
-    if values.shape[1] == 3 and stack.shape[3] == 1:
-        same = np.allclose(values, values[:, :1])
-        note = "The images are gray and the light intensities coloured: the mean of R, G and B is taken."
-        return values.mean(axis=1, keepdims=True), () if same else (note,)
-    return values, ()
+    if len(values) != len(stack) or values.shape[1] not in (1, stack.shape[3], 3):
+        raise InputError(
+            given=f"{path.name} holds {values.shape[0]} rows of {values.shape[1]} numbers; "
+            f"there are {len(stack)} images of {stack.shape[3]} channels.",
+            needed="Each image needs one row with one strength, or one for each channel.",
+            remedy="Check for missing or extra rows.",
+        )
+    values, notes = channel_values(values, stack.shape[3], "light intensities")
+    return values, (*table.notes, *notes)
 
 
 def _near_note(path: Path) -> tuple[str, ...]:
@@ -86,16 +126,10 @@ def _near_note(path: Path) -> tuple[str, ...]:
     return ("light_positions.txt says that the lights are near; they are taken as distant here.",)
 
 
-def _truth(path: Path, shape: tuple[int, int]) -> Truth | None:
+def true_surface(path: Path, shape: tuple[int, int]) -> Truth | None:
+    """Return the true normals and depth that lie in the folder, None if there are none."""
     depth = find_depth(path, shape)
     for name in ("Normal_gt.mat", "Normal_gt.npy", "Normal_gt.png"):
         if (path / name).is_file():
-            found = read_normal_map(path / name)
-            if found.normals.shape[:2] != shape:
-                raise InputError(
-                    given=f"{name} is {found.normals.shape[1]} × {found.normals.shape[0]} pixels.",
-                    needed=f"The images are {shape[1]} × {shape[0]}.",
-                    remedy="Take it out of the folder if it belongs to other images.",
-                )
-            return Truth(normals=found.normals, depth=depth, source=name)
+            return Truth(normals=read_true_normals(path / name, shape), depth=depth, source=name)
     return None if depth is None else Truth(depth=depth, source="depth_gt")

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from psstereo.errors import InputError, UnreadableFileError
-from psstereo.io.text import read_lines, read_table
+from psstereo.errors import InputError, OptionError, UnreadableFileError
+from psstereo.io.mat_file import read_mat
+from psstereo.io.text import parse_numbers, read_lines, read_table
 from psstereo.stack.decode import read_bytes
 from psstereo.types import FloatArray
 
@@ -52,9 +53,18 @@ def as_rows(values: FloatArray, count: int | None, source: str, *, layout: str |
     ------
     InputError
         If the matrix is 3 × 3 and no layout is given, or fits neither.
+    OptionError
+        If the layout is neither word.
     """
+    if layout not in (None, "rows", "columns"):
+        raise OptionError(
+            given=f"The layout of the lights is {layout!r}.",
+            needed="It is rows (one light a row) or columns (one light a column).",
+            remedy="Choose one of the two words.",
+        )
     rows, columns = values.shape
-    if layout is None and (rows, columns) == (3, 3):
+    same_both_ways = (rows, columns) == (3, 3) and bool((values == values.T).all())
+    if layout is None and (rows, columns) == (3, 3) and count in (None, 3) and not same_both_ways:
         raise InputError(
             given=f"{source} holds 3 × 3 numbers.",
             needed="It must be known whether a light is a row or a column; the numbers cannot tell.",
@@ -95,6 +105,8 @@ def read_directions(path: Path, count: int | None = None, *, layout: str | None 
     ------
     InputError
         If the shape fits neither reading, or both.
+    OptionError
+        If the layout is no known word.
     MissingFileError, UnreadableFileError
         If the file is not there or holds something else.
     """
@@ -108,15 +120,28 @@ def read_directions(path: Path, count: int | None = None, *, layout: str | None 
         return as_rows(_numpy_matrix(path), count, path.name, layout=layout)
     if suffix == ".mat":
         return as_rows(_matlab_matrix(path), count, path.name, layout=layout)
-    table = read_table(path, skip=1 if _has_count(path) else 0)
+    above, said = _count_line(path)
+    table = read_table(path, skip=above)
+    if said is not None:
+        if said != len(table.values):
+            raise UnreadableFileError(
+                given=f"{path.name} says {said} lights on its first line and has {len(table.values)} lines of lights.",
+                needed="The two numbers must agree; otherwise part of the file may be missing.",
+                remedy="Correct the first line, or copy the file again.",
+            )
+        layout = layout or "rows"
     found = as_rows(table.values, count, path.name, layout=layout)
     return Directions(found.vectors, table.notes + found.notes)
 
 
-def _has_count(path: Path) -> bool:
-    """Whether the first line is a single integer above a table of vectors."""
+def _count_line(path: Path) -> tuple[int, int | None]:
+    """Return the number of lines down to a count of lights above rows of three, and the count; (0, None) if none."""
     lines = read_lines(path)
-    return len(lines) > 1 and lines[0].strip().isdigit() and len(lines[1].split()) > 1
+    filled = [i for i, line in enumerate(lines) if line.strip() and line.strip()[0] not in "#%"]
+    if len(filled) < 2 or not lines[filled[0]].strip().isdecimal():
+        return 0, None
+    numbers = parse_numbers(lines[filled[1]])
+    return (filled[0] + 1, int(lines[filled[0]])) if numbers and len(numbers[0]) == 3 else (0, None)
 
 
 def _numpy_matrix(path: Path) -> FloatArray:
@@ -128,17 +153,11 @@ def _numpy_matrix(path: Path) -> FloatArray:
 
 
 def _matlab_matrix(path: Path) -> FloatArray:
-    import scipy.io
-
-    read_bytes(path)
-    try:
-        content = scipy.io.loadmat(path)
-    except (ValueError, NotImplementedError, TypeError, OSError) as error:
-        raise _unreadable(path, str(error)) from None
-    fits = {k: v for k, v in content.items() if not k.startswith("__") and getattr(v, "ndim", 0) == 2 and 3 in v.shape}
+    content = read_mat(path)
+    fits = [value for value in content.values() if getattr(value, "ndim", 0) == 2 and 3 in value.shape]
     if len(fits) != 1:
         raise _unreadable(path, f"it holds {len(fits)} matrices with three rows or columns")
-    return _matrix(next(iter(fits.values())), path)
+    return _matrix(fits[0], path)
 
 
 def _matrix(values: object, path: Path) -> FloatArray:

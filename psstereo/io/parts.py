@@ -1,20 +1,35 @@
 """Pieces that several readers share: natural order of names, the mask and truth that lie beside the images."""
 
 import re
+import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from psstereo.camera import Camera, Orthographic, Pinhole
-from psstereo.errors import MissingFileError, UnreadableFileError
+from psstereo.errors import InputError, MissingFileError, PsstereoError, UnreadableFileError
 from psstereo.io.mask_file import read_mask
+from psstereo.io.normal_map import read_normal_map
 from psstereo.io.reader import Choices
 from psstereo.io.text import read_table
-from psstereo.stack.decode import IMAGE_SUFFIXES
+from psstereo.stack import LINEAR, FileStack, ImageStack, Response
+from psstereo.stack.decode import IMAGE_SUFFIXES, decode_image, read_bytes
 from psstereo.types import BoolArray, FloatArray
 
-__all__ = ["find_camera", "find_depth", "find_mask", "images_in", "natural_order", "require_files"]
+__all__ = [
+    "channel_values",
+    "find_camera",
+    "find_dark",
+    "find_depth",
+    "find_mask",
+    "first_by_name",
+    "images_in",
+    "natural_order",
+    "read_dark",
+    "read_depth",
+    "read_true_normals",
+]
 
 
 def natural_order(paths: Iterable[Path]) -> list[Path]:
@@ -41,24 +56,24 @@ def images_in(folder: Path) -> list[Path]:
     )
 
 
-def require_files(paths: Iterable[Path], listed_in: str) -> tuple[Path, ...]:
-    """Return the paths if every one is a file.
+def first_by_name(found: list[Path], folder: Path, what: str) -> tuple[Path, tuple[str, ...]]:
+    """Return the first of several files that would do, and a note that names the others.
 
     Raises
     ------
     MissingFileError
-        Naming those that are not there.
+        If there are none.
     """
-    found = tuple(paths)
-    missing = [path.name for path in found if not path.is_file()]
-    if missing:
+    if not found:
         raise MissingFileError(
-            given=f"{listed_in} lists {len(found)} images, of which {len(missing)} are not there: "
-            f"{', '.join(missing[:5])}{' …' if len(missing) > 5 else ''}.",
-            needed="Every listed image must be in the folder.",
-            remedy="Copy the missing ones, or take their lines out of the list and of the lights.",
+            given=f"{folder} holds no {what}.",
+            needed="One such file.",
+            remedy="Name the folder or the file that holds the images.",
         )
-    return found
+    others = ", ".join(path.name for path in found[1:])
+    verb = "was" if len(found) == 2 else "were"
+    note = f"{found[0].name} was read, the first by name; {others} {verb} left out. Name the file itself to choose."
+    return found[0], (note,) if others else ()
 
 
 def find_mask(folder: Path, shape: tuple[int, int], choices: Choices, name: str = "mask.png") -> BoolArray | None:
@@ -81,22 +96,109 @@ def find_camera(folder: Path) -> tuple[Camera, tuple[str, ...]]:
 def find_depth(folder: Path, shape: tuple[int, int]) -> FloatArray | None:
     """Return the true depth of ``depth_gt.npz`` or ``depth_gt.npy`` if it is there."""
     for path in (folder / "depth_gt.npz", folder / "depth_gt.npy"):
-        if not path.is_file():
-            continue
-        try:
-            content = np.load(path, allow_pickle=False)
-            depth = np.asarray(content["depth_gt"] if path.suffix == ".npz" else content, np.float64)
-        except (ValueError, OSError, EOFError, KeyError) as error:
-            raise UnreadableFileError(
-                given=f"The true depth {path} cannot be read: {error}.",
-                needed="An array depth_gt of the images' size.",
-                remedy="Copy it again, or take it out of the folder; it is not needed to reconstruct.",
-            ) from None
-        if depth.shape != shape:
-            raise UnreadableFileError(
-                given=f"The true depth {path.name} has the shape {depth.shape}; the images, {shape}.",
-                needed="It must have the images' size.",
-                remedy="Take it out of the folder if it belongs to other images.",
-            )
-        return depth
+        if path.is_file():
+            return read_depth(path, shape, variable="depth_gt")
     return None
+
+
+def read_depth(path: Path, shape: tuple[int, int], *, variable: str | None = None) -> FloatArray:
+    """Read a true depth map, float64 (h, w), NaN where unknown, from ``.npz``, ``.npy`` or a floating-point image.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    shape : (int, int)
+        Rows and columns of the images.
+    variable : str, optional
+        Name of the array in an ``.npz`` file; the only one if absent.
+
+    Raises
+    ------
+    MissingFileError, UnreadableFileError
+        If it is not there, damaged, or of another size.
+    """
+    try:
+        depth = np.asarray(_npz_array(path, variable) if path.suffix.lower() == ".npz" else decode_image(path))
+        depth = (depth[..., 0] if depth.shape == (*shape, 1) else depth).astype(np.float64)
+    except PsstereoError:
+        raise
+    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise UnreadableFileError(
+            given=f"The true depth {path} cannot be read ({error}).",
+            needed="An array of the images' size.",
+            remedy="Copy it again, or take it out of the folder; it is not needed to reconstruct.",
+        ) from None
+    if depth.shape != shape:
+        raise UnreadableFileError(
+            given=f"The true depth {path.name} has the shape {depth.shape}; the images, {shape}.",
+            needed="It must have the images' size.",
+            remedy="Take it out of the folder if it belongs to other images.",
+        )
+    return depth
+
+
+def _npz_array(path: Path, variable: str | None) -> FloatArray:
+    read_bytes(path)
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+        if variable is None and len(content.files) != 1:
+            raise KeyError(f"it holds the arrays {', '.join(content.files)}, of which one must be chosen")
+        return np.asarray(content[content.files[0] if variable is None else variable])
+
+
+def read_true_normals(path: Path, shape: tuple[int, int], *, convention: str = "opengl") -> FloatArray:
+    """Read true normals, (h, w, 3) in the canonical frame, NaN where unknown, and refuse those of another size."""
+    normals = read_normal_map(path, convention=convention).normals
+    if normals.shape[:2] != shape:
+        raise InputError(
+            given=f"The true normals {path.name} are {normals.shape[1]} × {normals.shape[0]} pixels.",
+            needed=f"The images are {shape[1]} × {shape[0]}.",
+            remedy="Take them out of the folder if they belong to other images.",
+        )
+    return normals
+
+
+def read_dark(path: Path, stack: ImageStack, response: Response = LINEAR) -> FloatArray:
+    """Read the image taken without any of the lights, as linear pixel values (h, w, c).
+
+    Raises
+    ------
+    InputError
+        If size, channels or type differ from those of the images.
+    MissingFileError, UnreadableFileError
+        If it is not there or damaged.
+    """
+    image = decode_image(path)
+    image = image[..., None] if image.ndim == 2 else image[..., : 3 if image.shape[2] >= 3 else 1]
+    if image.shape != stack.shape[1:] or image.dtype != stack.dtype:
+        raise InputError(
+            given=f"The dark image {path.name} has the shape {image.shape} and type {image.dtype}; "
+            f"the images, {stack.shape[1:]} and {stack.dtype}.",
+            needed="It must have the images' size, channels and bit depth, so that its values mean the same.",
+            remedy="Take it with the same camera settings and convert it like the images, or leave it out.",
+        )
+    return np.asarray(response.linearise(image, stack.white))
+
+
+def find_dark(folder: Path, stack: FileStack) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """Return ``dark.*`` or ``ambient.*`` of a folder if it is there and none of the images, and a note that says so."""
+    names = ("dark", "ambient")
+    found = [p for p in images_in(folder) if p.stem.lower() in names and p.name not in stack.names]
+    if not found:
+        return None, ()
+    if len(found) > 1:
+        raise InputError(
+            given=f"{folder} has several dark images: {', '.join(p.name for p in found)}.",
+            needed="One image taken without any of the lights.",
+            remedy="Move the others away.",
+        )
+    return read_dark(found[0], stack), (f"{found[0].name} is subtracted.",)
+
+
+def channel_values(values: FloatArray, channels: int, what: str) -> tuple[FloatArray, tuple[str, ...]]:
+    """Fit strengths (m, k) to the channels of the images: coloured strengths of gray images become their mean."""
+    if channels != 1 or values.shape[1] != 3:
+        return values, ()
+    same = np.allclose(values, values[:, :1])
+    note = f"The images are gray and the {what} coloured: the mean of R, G and B is taken."
+    return values.mean(axis=1, keepdims=True), () if same else (note,)

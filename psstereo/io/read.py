@@ -6,7 +6,8 @@ from pathlib import Path
 from psstereo.capture import Capture, Truth
 from psstereo.errors import InputError, MissingFileError, OptionError
 from psstereo.io.catalogue import READERS
-from psstereo.io.parts import images_in
+from psstereo.io.image_folder import ImageFolder
+from psstereo.io.parts import images_in, natural_order
 from psstereo.io.reader import Choices
 
 __all__ = ["Recognition", "read_capture", "recognise"]
@@ -80,20 +81,36 @@ def read_capture(
     name = layout
     if name is None:
         fits = recognise(source)
-        if not fits:
+        if fits:
+            name = fits[0].format
+        elif source.is_dir() and choices is not None and choices.lights is not None and images_in(source):
+            name = ImageFolder.name  # nothing but the lights was missing
+        else:
             raise _unknown(source)
-        name = fits[0].format
     return READERS[name].read(source, choices or Choices())
 
 
 def _unknown(path: Path) -> InputError:
+    if path.is_file():
+        return InputError(
+            given=f"The file {path} is no description of a capture that is known.",
+            needed="A capture.toml, an .lp file, a .mat or .npz file with images and lights, or a list of images.",
+            remedy="Name the folder of the photographs instead, or write a capture.toml (psstereo info --template).",
+        )
     images = len(images_in(path))
-    endings = (".txt", ".lp", ".toml", ".csv")
-    texts = sorted(p.name for p in path.iterdir() if p.suffix in endings) if path.is_dir() else []
+    endings = (".txt", ".lp", ".toml", ".csv", ".npy", ".mat")
+    texts = sorted(p.name for p in path.iterdir() if p.suffix.lower() in endings)
+    inside = [p.name for p in natural_order(path.iterdir()) if p.is_dir() and recognise(p)]
+    if inside:
+        return InputError(
+            given=f"{path} is no capture; its sub-folders {', '.join(inside[:4])}{' …' if inside[4:] else ''} are.",
+            needed="One capture at a time.",
+            remedy=f"Name one of them, such as {path / inside[0]}.",
+        )
     return InputError(
         given=f"{path} has {images} images and "
-        + (f"the text files {', '.join(texts[:4])}" if texts else "no text files")
+        + (f"the files {', '.join(texts[:4])}{' …' if len(texts) > 4 else ''}" if texts else "no file of lights")
         + ", which is no layout that is known.",
         needed="The images and a file with the light directions, such as light_directions.txt or an .lp file.",
-        remedy="Add one, or write a capture.toml (see psstereo info --template); psstereo info --formats lists layouts.",
+        remedy="Add one, or write a capture.toml (psstereo info --template); psstereo info --formats lists layouts.",
     )

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from psstereo.errors import UnreadableFileError
+from psstereo.errors import MissingFileError, UnreadableFileError
 from psstereo.stack.decode import read_bytes
 from psstereo.types import FloatArray
 
-__all__ = ["Table", "parse_numbers", "read_lines", "read_table"]
+__all__ = ["Table", "parse_numbers", "read_lines", "read_table", "require_file"]
 
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d*,\d+(?:[eE][+-]?\d+)?$")
 
@@ -31,6 +31,22 @@ class Table:
     notes: tuple[str, ...] = ()
 
 
+def require_file(path: Path) -> None:
+    """Refuse a path that is no file.
+
+    Raises
+    ------
+    MissingFileError
+        If it is not there, or a folder.
+    """
+    if not path.is_file():
+        raise MissingFileError(
+            given=f"The file {path} {'is a folder' if path.is_dir() else 'does not exist'}.",
+            needed="It belongs to the description of the capture.",
+            remedy="Check its name and folder.",
+        )
+
+
 def read_lines(path: Path) -> list[str]:
     """Return the lines of a text file without line ends, byte-order mark and blank lines at the end.
 
@@ -41,19 +57,21 @@ def read_lines(path: Path) -> list[str]:
     UnreadableFileError
         If it is empty or no text.
     """
+    require_file(path)
     raw = read_bytes(path).tobytes()
     encoding = "utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
         text = raw.decode(encoding)
     except UnicodeDecodeError:
-        text = raw.decode("latin-1")  # file names with accents from an old Windows
+        text = raw.decode("latin-1")  # file names with accents from an old Windows; cut-short UTF-16 keeps its zeros
     if "\0" in text:
         raise UnreadableFileError(
             given=f"The file {path} is not text.",
             needed="A text file with numbers.",
             remedy="Check that the right file was named.",
         )
-    return text.rstrip().splitlines()
+    # Not splitlines, which also breaks at characters that stand in file names.
+    return re.split(r"\r\n|\n|\r", text.rstrip())
 
 
 def parse_numbers(line: str) -> tuple[list[float], bool] | None:

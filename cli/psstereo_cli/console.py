@@ -1,0 +1,98 @@
+"""Talking to a person: tables and progress on stderr, so that stdout stays for machines."""
+
+import json
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from psstereo.types import Progress, no_progress
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bars
+    from rich.progress import TaskID
+
+__all__ = ["print_json", "print_table", "progress_bars", "say"]
+
+_PATIENCE = 0.7
+"""Seconds before a bar appears; quicker work needs none, and drawing has to be loaded first."""
+
+
+def say(text: str) -> None:
+    """Write a line for a person."""
+    sys.stderr.write(text + "\n")
+
+
+def print_json(record: Mapping[str, Any]) -> None:
+    """Write one JSON object on stdout."""
+    sys.stdout.write(json.dumps(record, ensure_ascii=False, indent=1, allow_nan=False) + "\n")
+
+
+def print_table(title: str, rows: Iterable[tuple[str, ...]], columns: tuple[str, ...] = ()) -> None:
+    """Write a table; the first column names, the others are values."""
+    from rich import box
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=box.SIMPLE, show_header=bool(columns), pad_edge=False)
+    content = list(rows)
+    for i in range(len(content[0]) if content else len(columns)):
+        table.add_column(columns[i] if columns else "", overflow="fold")
+    for row in content:
+        table.add_row(*(escape(cell) for cell in row))
+    Console(stderr=True).print(table)
+
+
+@contextmanager
+def progress_bars() -> Iterator[Progress]:
+    """Give a callback that draws one bar a stage on a terminal, once the work has taken a moment."""
+    if not sys.stderr.isatty():
+        yield no_progress
+        return
+    bars = _Bars()
+    try:
+        yield bars
+    finally:
+        bars.close()
+
+
+class _Bars:
+    """Bars that come into being when the work turns out to be long."""
+
+    def __init__(self) -> None:
+        self._started = time.monotonic()
+        self._drawn: Bars | None = None
+        self._tasks: dict[str, TaskID] = {}
+
+    def __call__(self, stage: str, done: int, total: int, /) -> None:
+        if self._drawn is None:
+            if time.monotonic() - self._started < _PATIENCE or done == total:
+                return
+            self._drawn = self._draw()
+        if stage not in self._tasks:
+            self._tasks[stage] = self._drawn.add_task(stage, total=total)
+        self._drawn.update(self._tasks[stage], completed=done, total=total)
+
+    @staticmethod
+    def _draw() -> "Bars":
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bars
+
+        bars = Bars(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        bars.start()
+        return bars
+
+    def close(self) -> None:
+        """Take the bars off the screen."""
+        if self._drawn is not None:
+            self._drawn.stop()

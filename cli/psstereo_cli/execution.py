@@ -1,0 +1,77 @@
+"""How the work is executed: threads, and sizes of memory as people write them."""
+
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from psstereo.errors import OptionError
+from psstereo.types import Map
+
+__all__ = ["available_threads", "parse_floats", "parse_size", "threaded"]
+
+_UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "ki": 2**10, "mi": 2**20, "gi": 2**30}
+
+
+def available_threads() -> int:
+    """Return the number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextmanager
+def threaded(threads: int) -> Iterator[Map]:
+    """Give a ``map`` that runs on so many threads."""
+    if threads == 1:
+        yield map
+        return
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            yield pool.map
+        except BaseException:
+            pool.shutdown(cancel_futures=True)  # an error is told at once, not after all that was queued
+            raise
+
+
+def parse_size(text: str | None) -> int | None:
+    """Read a size of memory.
+
+    Examples
+    --------
+    >>> parse_size("30MB"), parse_size("1.5GiB"), parse_size(None)
+    (30000000, 1610612736, None)
+    """
+    if text is None:
+        return None
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kmg]i?)?b?\s*", text.lower())
+    if match is None or float(match[1]) == 0:
+        raise OptionError(
+            given=f"The memory limit is {text!r}.",
+            needed="A size such as 500MB, 2GB or 1.5GiB.",
+            remedy="Write a number and a unit.",
+        )
+    return int(float(match[1]) * _UNITS[match[2] or ""])
+
+
+def parse_floats(text: str, count: int | None, what: str) -> tuple[float, ...]:
+    """Read numbers parted by commas.
+
+    Examples
+    --------
+    >>> parse_floats("0.01,0.98", 2, "range")
+    (0.01, 0.98)
+    """
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if not values or (count is not None and len(values) != count):
+        raise OptionError(
+            given=f"The {what} is {text!r}.",
+            needed=f"{count or 'Some'} numbers parted by commas are needed.",
+            remedy="Write decimal points, and commas only between the numbers.",
+        )
+    return values

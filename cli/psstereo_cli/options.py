@@ -1,0 +1,37 @@
+"""Options that several commands share, each declared once."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["Format", "Json", "Lights", "LightsLayout", "Mask", "Overwrite", "Threads"]
+
+Format = Annotated[
+    str | None,
+    typer.Option(
+        "--format", help="Layout of the folder, if it is not recognised; `psstereo info --formats` lists them."
+    ),
+]
+Lights = Annotated[
+    Path | None,
+    typer.Option(
+        "--lights", help="File of light directions to use instead of the folder's own (text, .lp, .npy, .mat)."
+    ),
+]
+LightsLayout = Annotated[
+    str | None,
+    typer.Option("--lights-layout", help="rows or columns: how lights stand in a file of 3 × 3 numbers."),
+]
+Mask = Annotated[
+    str | None,
+    typer.Option(
+        "--mask",
+        help="Image that is white on the object; `none` for every pixel; `auto` to separate it from a dark background.",
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print a record for machines on stdout.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result.")]
+Threads = Annotated[
+    int | None, typer.Option("--threads", min=1, help="Threads to use; as many as there are processors if not given.")
+]

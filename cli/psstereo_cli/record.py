@@ -1,0 +1,130 @@
+"""The record of a run, ``run.json``: plain data that says what was done, with what, and how long it took."""
+
+import math
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from psstereo.capture import Capture
+from psstereo.flags import count_flags
+from psstereo.pipeline import Reconstruction
+from psstereo.results import DepthResult, NormalsResult
+
+__all__ = ["finite", "peak_memory", "run_record", "versions"]
+
+_PACKAGES = ("psstereo", "numpy", "scipy", "opencv-contrib-python-headless")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that decide the numbers."""
+    found = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def peak_memory() -> int | None:
+    """Return the largest memory that this process has held [byte], None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if platform.system() == "Darwin" else peak * 1024
+
+
+def finite(value: Any) -> Any:
+    """Return plain data in which JSON has no trouble: numbers of NumPy become Python's, NaN and infinity None."""
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def run_record(
+    command: list[str], capture: Capture, result: Reconstruction, extra: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Put the record together.
+
+    Parameters
+    ----------
+    command : list of str
+        What was asked for, without folders.
+    capture : Capture
+        What was measured.
+    result : Reconstruction
+        What came out.
+    extra : mapping, optional
+        More entries.
+
+    Returns
+    -------
+    dict
+        Plain data for JSON.
+    """
+    m, h, w, c = capture.stack.shape
+    record = {
+        "schema": 1,
+        "command": command,
+        "capture": {
+            "name": capture.name,
+            "images": m,
+            "width": w,
+            "height": h,
+            "channels": c,
+            "type": str(capture.stack.dtype),
+            "camera": capture.camera.name,
+            "lights": capture.rig.source,
+            "strength_unit": capture.rig.strength_unit.value,
+            "notes": list(capture.notes),
+        },
+        "normals": _normals(result.normals),
+        "depth": None if result.depth is None else _depth(result.depth),
+        "mesh": None
+        if result.mesh is None
+        else {"vertices": len(result.mesh.vertices), "triangles": len(result.mesh.faces)},
+        "steps": [
+            {"name": s.name, "done": s.done, "reason": s.reason, "seconds": round(s.seconds, 4)} for s in result.steps
+        ],
+        "peak_memory_bytes": peak_memory(),
+        "versions": versions(),
+        **(extra or {}),
+    }
+    return dict(finite(record))
+
+
+def _normals(result: NormalsResult) -> dict[str, Any]:
+    spread = result.uncertainty[np.isfinite(result.uncertainty)]
+    return {
+        **result.facts,
+        "frame": "x right, y up, z toward the camera",
+        "albedo": result.albedo_kind.value,
+        "outcome": result.outcome.name.lower(),
+        "outcome_text": result.outcome.value,
+        "median_uncertainty_deg": math.degrees(float(np.median(spread))) if spread.size else None,
+        "flags": count_flags(result.flags),
+    }
+
+
+def _depth(result: DepthResult) -> dict[str, Any]:
+    known = result.depth[np.isfinite(result.depth)]
+    return {
+        **result.facts,
+        "kind": result.kind.value,
+        "unit": result.unit,
+        "range": [float(known.min()), float(known.max())] if known.size else None,
+        "components": int(result.components.max(initial=0)),
+        "iterations": result.iterations,
+        "residual": result.residual,
+        "outcome": result.outcome.name.lower(),
+        "outcome_text": result.outcome.value,
+    }

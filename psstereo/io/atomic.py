@@ -1,0 +1,116 @@
+"""Result folders that appear whole or not at all."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from psstereo.errors import ExistingResultError, MissingFileError, UnreadableFileError
+
+__all__ = ["RECORD", "new_folder", "require_free"]
+
+RECORD = "run.json"
+"""File by which a result folder is told from any other."""
+
+
+def require_free(folder: Path, *, overwrite: bool) -> None:
+    """Refuse to write where something is that nobody asked to replace.
+
+    Parameters
+    ----------
+    folder : Path
+        Where a result is to go.
+    overwrite : bool
+        Whether an earlier result may be replaced. Any other folder with content is refused even then.
+
+    Raises
+    ------
+    ExistingResultError
+        If something is in the way.
+    MissingFileError
+        If a part of the path is a file.
+    """
+    for parent in folder.absolute().parents:
+        if parent.exists():
+            if not parent.is_dir():
+                raise MissingFileError(
+                    given=f"{parent} is a file.", needed="A folder to put the result in.", remedy="Choose another name."
+                )
+            break
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if not (folder / RECORD).is_file():
+        raise ExistingResultError(
+            given=f"{folder} exists and is no result of an earlier run.",
+            needed="A new name, so that nothing of yours is lost.",
+            remedy="Choose another folder with -o.",
+        )
+    if not overwrite:
+        raise ExistingResultError(
+            given=f"{folder} holds the result of an earlier run.",
+            needed="It is not replaced without being asked for.",
+            remedy="Add --overwrite, or choose another folder with -o.",
+        )
+
+
+@contextmanager
+def new_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
+    """Give a temporary folder to write into, and put it in its place at the end if nothing went wrong.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the result is to be.
+    overwrite : bool
+        Whether an earlier result may be replaced; it stays until the new one is complete.
+
+    Yields
+    ------
+    Path
+        An empty folder beside it. It vanishes if an exception is raised.
+
+    Raises
+    ------
+    ExistingResultError
+        If something is in the way.
+    UnreadableFileError
+        If the folder cannot be made.
+    """
+    require_free(folder, overwrite=overwrite)
+    target = folder.absolute()
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+    except OSError as error:
+        raise UnreadableFileError(
+            given=f"The folder {target.parent} cannot be written to ({error.strerror}).",
+            needed="A folder where you may write.",
+            remedy="Choose another one with -o.",
+        ) from None
+    try:
+        yield work
+        # mkdtemp makes folders that only their owner may read; a result gets what the umask allows.
+        mask = os.umask(0)
+        os.umask(mask)
+        work.chmod(0o777 & ~mask)
+        _exchange(work, target)
+    except BaseException:
+        shutil.rmtree(work, ignore_errors=True)
+        raise
+
+
+def _exchange(work: Path, target: Path) -> None:
+    """Put a finished folder in its place; what was there goes last."""
+    if not target.exists():
+        work.rename(target)
+        return
+    old = Path(tempfile.mkdtemp(prefix=f".{target.name}-old-", dir=target.parent))
+    target.rename(old / target.name)
+    try:
+        work.rename(target)
+    except OSError:
+        (old / target.name).rename(target)
+        raise
+    shutil.rmtree(old, ignore_errors=True)

@@ -1,0 +1,225 @@
+"""Our own description of a capture, a ``capture.toml`` written by hand."""
+
+import tomllib
+from pathlib import Path
+from typing import ClassVar
+
+from psstereo.camera import Camera, Orthographic, Pinhole
+from psstereo.capture import Capture, Truth
+from psstereo.errors import InputError, MissingFileError, OptionError, UnreadableFileError
+from psstereo.io.conventions import CONVENTIONS
+from psstereo.io.image_names import match_files
+from psstereo.io.parts import (
+    find_mask,
+    natural_order,
+    read_dark,
+    read_depth,
+    read_true_normals,
+)
+from psstereo.io.reader import Choices, Reader
+from psstereo.io.toml_lights import read_lights
+from psstereo.io.toml_section import Section
+from psstereo.stack import LINEAR, FileStack, Response
+from psstereo.stack.decode import IMAGE_SUFFIXES, read_bytes
+
+__all__ = ["TEMPLATE", "CaptureToml"]
+
+TEMPLATE = """\
+# Description of a capture. Only [images] and [lights] are needed. File names are relative to this file.
+name = "my object"
+
+[images]
+pattern = "img_*.png"               # in natural order: img_2 before img_10
+# files = ["a.png", "b.png"]        # or one by one, in the order of the lights
+# response = "linear"               # or "srgb", or the exponent of a gamma curve such as 2.2
+# white_level = 4095                # value of full scale, if it is not that of the file's type
+# dark = "dark.png"                 # image without any of the lights; it is subtracted
+# radiance_at_white = 12.5          # radiance of a pixel at full scale [W m-2 sr-1], for absolute albedo
+
+[lights]
+# One light a line, toward the light, x right, y up, z toward the camera; any length.
+directions = [
+    [0.5, 0.0, 0.866],
+    [-0.25, 0.433, 0.866],
+    [-0.25, -0.433, 0.866],
+]
+# directions = "lights.txt"         # or a file: text, .lp, .npy or .mat
+# angles = [[0, 60], [120, 60]]     # or azimuth from right toward up, and elevation above the image plane [deg]
+# layout = "rows"                   # or "columns", where a file of 3 x 3 numbers cannot tell
+# frame = "opengl"                  # frame of the vectors; "opencv": y down, z into the scene
+# strengths = [1.0, 0.9, 1.1]       # or a file; one number a light, or one for each channel
+# unit = "relative"                 # of the strengths; or "W/m2" (irradiance of a surface facing the light)
+# Lamps close to the object have positions instead, with the camera at the origin unless camera.position says where:
+# positions = [[100, 0, 20], [-50, 87, 20], [-50, -87, 20]]
+# axes = [[-1, 0, -3], [0.5, -0.87, -3], [0.5, 0.87, -3]]   # main directions of emission
+# mu = [1, 1, 1]                    # 0 shines all around (needs no axes), 1 is a flat LED
+# flux = [4e4, 4e4, 4e4]            # radiant intensity along the axis, one number or one for each channel
+
+# [mask]
+# file = "mask.png"                 # the object is white
+
+# [camera]
+# type = "orthographic"
+# pixel_size = 0.05                 # length of a pixel on the object
+# unit = "mm"
+# type = "pinhole"
+# K = [[3000.0, 0.0, 640.0], [0.0, 3000.0, 480.0], [0.0, 0.0, 1.0]]   # or a file such as "K.txt"
+# position = [0, 0, 500]            # of the camera, in the frame of the lamps' positions
+
+# [truth]
+# normals = "normals.png"
+# convention = "opengl"             # "directx" if green is down
+# depth = "depth.npy"
+"""
+"""A commented example, which is itself a valid description."""
+
+_KEYS = {
+    "": ("name", "images", "lights", "mask", "camera", "truth"),
+    "images": ("files", "pattern", "white_level", "response", "dark", "radiance_at_white"),
+    "lights": ("directions", "angles", "positions", "axes", "mu", "flux", "layout", "frame", "strengths", "unit"),
+    "mask": ("file",),
+    "camera": ("type", "K", "pixel_size", "unit", "position"),
+    "truth": ("normals", "convention", "depth"),
+}
+
+
+class CaptureToml(Reader):
+    """``capture.toml``: images, lights, camera, mask and truth as a person writes them down; see :data:`TEMPLATE`."""
+
+    name: ClassVar[str] = "capture"
+    summary: ClassVar[str] = "capture.toml (images, lights, camera, mask; psstereo info --template shows one)"
+
+    def recognise(self, path: Path) -> str | None:
+        """See :meth:`Reader.recognise`."""
+        if path.is_file():
+            return "it is a description of a capture in TOML" if path.suffix.lower() == ".toml" else None
+        return "capture.toml is there" if (path / "capture.toml").is_file() else None
+
+    def read(self, path: Path, choices: Choices) -> tuple[Capture, Truth | None]:
+        """See :meth:`Reader.read`."""
+        file = path / "capture.toml" if path.is_dir() else path
+        top = _parse(file)
+        stack, response, image_notes = _images(top)
+        shape = (stack.shape[1], stack.shape[2])
+        images, camera = top.section("images"), top.section("camera")
+        rig, light_notes = read_lights(top.section("lights"), camera, stack, choices)
+        dark = images.path("dark")
+        capture = Capture(
+            stack=stack,
+            rig=rig,
+            camera=_camera(camera),
+            mask=find_mask(file.parent, shape, _with_mask(choices, top.section("mask").path("file")), ""),
+            response=response,
+            dark=None if dark is None else read_dark(dark, stack, response),
+            radiance_at_white=images.number("radiance_at_white"),
+            name=top.text("name") or file.resolve().parent.name,
+            notes=(*image_notes, *light_notes),
+        )
+        return capture, _truth(top.section("truth"), shape)
+
+
+def _parse(file: Path) -> Section:
+    raw = read_bytes(file).tobytes()
+    try:
+        values = tomllib.loads(raw.decode("utf-8-sig"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UnreadableFileError(
+            given=f"{file} is not valid TOML: {error}.",
+            needed='Lines such as name = "cat", below headings such as [images], in UTF-8.',
+            remedy="Correct that place; Windows paths want single quotation marks or forward slashes.",
+        ) from None
+    top = Section(values, "", file)
+    top.allow(_KEYS[""])
+    for name, keys in _KEYS.items():
+        if name:
+            top.section(name).allow(keys)
+    return top
+
+
+def _images(top: Section) -> tuple[FileStack, Response, tuple[str, ...]]:
+    section = top.section("images")
+    files, pattern = section.values.get("files"), section.text("pattern")
+    if (files is None) == (pattern is None):
+        raise InputError(
+            given=f"[images] in {top.file.name} has {'neither files nor pattern' if files is None else 'both'}.",
+            needed="The images are a list of files or a pattern.",
+            remedy='Write files = ["a.png", "b.png"] or pattern = "img_*.png", one of the two.',
+        )
+    notes: tuple[str, ...] = ()
+    if pattern is not None:
+        paths, notes = _by_pattern(top, pattern)
+    elif isinstance(files, list) and files and all(isinstance(name, str) and name for name in files):
+        matches = match_files(top.file.parent, files, f"images.files in {top.file.name}")
+        paths, notes = matches.paths, matches.notes
+    else:
+        raise section.wrong("files", "a list of file names in quotation marks")
+    stack = FileStack(paths, white=section.number("white_level"))
+    return stack, _response(section), notes
+
+
+def _by_pattern(top: Section, pattern: str) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    folder = top.file.parent
+    used = (("mask", "file"), ("images", "dark"), ("truth", "normals"), ("truth", "depth"))
+    others = {p.resolve() for name, key in used if (p := top.section(name).path(key)) is not None}
+    try:
+        fits = [p for p in folder.glob(pattern) if p.is_file() and p.suffix.lower() in IMAGE_SUFFIXES]
+    except (NotImplementedError, ValueError) as error:
+        raise top.section("images").wrong("pattern", f"a pattern relative to the file ({error})") from None
+    paths = natural_order(p for p in fits if p.resolve() not in others)
+    if not paths:
+        raise MissingFileError(
+            given=f"No image in {folder} fits the pattern {pattern!r} of {top.file.name}.",
+            needed="At least three images.",
+            remedy="Correct the pattern; * stands for any letters.",
+        )
+    left = len(fits) - len(paths)
+    note = f"The pattern {pattern!r} also fits the mask, the dark image or the truth, which were left out ({left})."
+    return tuple(paths), (note,) if left else ()
+
+
+def _response(section: Section) -> Response:
+    value = section.values.get("response", "linear")
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return Response("gamma", float(value)) if value != 1 else LINEAR
+    if value not in ("linear", "srgb"):
+        raise section.wrong("response", '"linear", "srgb" or the exponent of a gamma curve such as 2.2')
+    return Response(str(value))
+
+
+def _camera(section: Section) -> Camera:
+    kind = section.choice("type", ("orthographic", "pinhole"))
+    matrix = section.matrix("K", 3)
+    pinhole = kind == "pinhole" or (kind is None and matrix is not None)
+    surplus = [key for key in (("pixel_size", "unit") if pinhole else ("K",)) if key in section.values]
+    if surplus or (pinhole and matrix is None):
+        raise OptionError(
+            given=f"The {'pinhole' if pinhole else 'orthographic'} camera in {section.file.name} has "
+            f"{' and '.join(surplus) or 'no K'}.",
+            needed="A pinhole camera has K; an orthographic one may have pixel_size and unit.",
+            remedy="Correct [camera].",
+        )
+    if matrix is not None:
+        return Pinhole.from_matrix(matrix)
+    size, unit = section.number("pixel_size"), section.text("unit")
+    if size is None and unit not in (None, "px"):
+        raise section.wrong("unit", "given together with pixel_size", "Add pixel_size, or take unit out.")
+    return Orthographic(pixel_size=size or 1.0, length_unit=unit or ("px" if size is None else "relative"))
+
+
+def _with_mask(choices: Choices, own: Path | None) -> Choices:
+    """Return the choices with the description's own mask where none was chosen."""
+    if own is None or choices.mask is not None or choices.ignore_mask:
+        return choices
+    return Choices(lights=choices.lights, lights_layout=choices.lights_layout, mask=own)
+
+
+def _truth(section: Section, shape: tuple[int, int]) -> Truth | None:
+    normals, depth = section.path("normals"), section.path("depth")
+    convention = section.choice("convention", tuple(CONVENTIONS)) or "opengl"
+    if normals is None and depth is None:
+        return None
+    return Truth(
+        normals=None if normals is None else read_true_normals(normals, shape, convention=convention),
+        depth=None if depth is None else read_depth(depth, shape),
+        source=section.file.name,
+    )

@@ -1,0 +1,175 @@
+"""From a capture to everything: normals, albedo, depth, mesh — and a word on each step that was done or left out."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from psstereo.capture import Capture
+from psstereo.depth import Integrator, Poisson, triangulate
+from psstereo.normals import LeastSquares, NormalSolver, estimate_normals
+from psstereo.results import DepthResult, NormalsResult, Outcome
+from psstereo.surface_mesh import SurfaceMesh
+from psstereo.types import Map, Progress, no_progress
+
+__all__ = ["Options", "Reconstruction", "Step", "reconstruct"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How a capture is reconstructed.
+
+    Attributes
+    ----------
+    solver : NormalSolver
+        Method for the normals.
+    integrator : Integrator or None
+        Method for the depth; None leaves depth and mesh out.
+    gray, clip, valid_range, max_memory
+        As in :func:`psstereo.normals.estimate_normals`.
+    """
+
+    solver: NormalSolver[Any] = field(default_factory=LeastSquares)
+    integrator: Integrator | None = field(default_factory=Poisson)
+    gray: str | Sequence[float] = "mean"
+    clip: float | None = None
+    valid_range: tuple[float, float] | None = None
+    max_memory: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One step of a run.
+
+    Attributes
+    ----------
+    name : str
+        What it is.
+    done : bool
+        Whether it was done rather than left out.
+    reason : str
+        Why, as a sentence.
+    seconds : float
+        Time it took, 0 if left out [s].
+    """
+
+    name: str
+    done: bool
+    reason: str
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reconstruction:
+    """The whole answer.
+
+    Attributes
+    ----------
+    normals : NormalsResult
+        Normals, albedo, uncertainty, flags.
+    depth : DepthResult or None
+        Depth, if it was wanted.
+    mesh : SurfaceMesh or None
+        Its triangles.
+    steps : tuple of Step
+        What was done and what was left out.
+    """
+
+    normals: NormalsResult
+    depth: DepthResult | None
+    mesh: SurfaceMesh | None
+    steps: tuple[Step, ...]
+
+    @property
+    def converged(self) -> bool:
+        """Whether every iteration met its tolerance."""
+        outcomes = [self.normals.outcome] + ([self.depth.outcome] if self.depth else [])
+        return Outcome.NOT_CONVERGED not in outcomes
+
+
+def reconstruct(
+    capture: Capture, options: Options | None = None, *, over: Map = map, progress: Progress = no_progress
+) -> Reconstruction:
+    """Recover normals, albedo, depth and mesh from a capture.
+
+    Parameters
+    ----------
+    capture : Capture
+        Images, lights, camera, mask.
+    options : Options, optional
+        How; least squares and Poisson integration if absent.
+    over : map-like
+        Executes independent pieces, such as the ``map`` of a thread pool.
+    progress : callable
+        Told how far the steps are.
+
+    Returns
+    -------
+    Reconstruction
+        The answer.
+
+    Raises
+    ------
+    PsstereoError
+        If the capture cannot be used; see :func:`psstereo.normals.estimate_normals`.
+    """
+    chosen = options or Options()
+    normals = estimate_normals(
+        capture,
+        chosen.solver,
+        gray=chosen.gray,
+        clip=chosen.clip,
+        valid_range=chosen.valid_range,
+        max_memory=chosen.max_memory,
+        over=over,
+        progress=progress,
+    )
+    steps = [*_preparation(capture), *_solving(capture, chosen, normals)]
+    if chosen.integrator is None:
+        steps.append(Step(name="depth and mesh", done=False, reason="Only normals were asked for."))
+        return Reconstruction(normals=normals, depth=None, mesh=None, steps=tuple(steps))
+    started = time.perf_counter()
+    depth = chosen.integrator.integrate(normals.normals, capture.camera, mask=capture.mask, progress=progress)
+    integrated = time.perf_counter()
+    camera = f"The camera is {capture.camera.name}."
+    steps.append(Step(name=f"depth ({chosen.integrator.name})", done=True, reason=camera, seconds=integrated - started))
+    mesh = triangulate(
+        depth.depth, capture.camera, normals=normals.normals, albedo=normals.albedo, components=depth.components
+    )
+    reason = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} triangles."
+    steps.append(Step(name="mesh", done=True, reason=reason, seconds=time.perf_counter() - integrated))
+    return Reconstruction(normals=normals, depth=depth, mesh=mesh, steps=tuple(steps))
+
+
+def _preparation(capture: Capture) -> list[Step]:
+    """Say what had to be undone to make pixel values proportional to light."""
+    linear, dark = capture.response.is_linear, capture.dark is not None
+    curve = "The images are linear." if linear else f"The camera's {capture.response.name} curve was removed."
+    level = "A dark image was subtracted." if dark else "There is no dark image."
+    return [
+        Step(name="linearisation", done=not linear, reason=curve),
+        Step(name="dark level", done=dark, reason=level),
+    ]
+
+
+def _solving(capture: Capture, options: Options, normals: NormalsResult) -> list[Step]:
+    facts, gate = normals.facts, options.solver.gate
+    saturation = "No valid range was given, and the gate leaves saturated values in."
+    if facts["valid_range"] is not None:
+        saturation = f"Values outside {facts['valid_range'][0]:.3g} to {facts['valid_range'][1]:.3g} of full scale."
+    elif gate.saturation:
+        saturation = "The images hold floating-point values without a full scale."
+    tiled = facts["samples_in"] != "memory"
+    where = f"{facts['sample_bytes'] / 1e6:.0f} MB of samples were kept in {facts['samples_in']}."
+    return [
+        Step(name="reading", done=True, reason=f"{len(capture.stack)} images.", seconds=normals.seconds["read"]),
+        Step(name="saturation gate", done=facts["valid_range"] is not None, reason=saturation),
+        Step(name="shadow gate", done=gate.shadow, reason=gate.sentence),
+        Step(name="tiling", done=tiled, reason=where),
+        Step(
+            name=f"normals ({options.solver.name})",
+            done=True,
+            reason=f"{facts['pixels']} pixels under {facts['lights']} lights.",
+            seconds=normals.seconds["solve"],
+        ),
+    ]
