@@ -1,7 +1,7 @@
 """Array types and the letters of their axes.
 
 Axis letters are the same everywhere: ``m`` lights (and so images), ``h w`` image rows and columns, ``p`` pixels under
-the mask in row-major order, ``c`` channels. Shapes stand in the docstrings; interfaces check them when they are entered.
+the mask in row-major order, ``c`` channels. Shapes stand in the docstrings; interfaces check them on entry.
 """
 
 from collections.abc import Callable, Iterable, Iterator

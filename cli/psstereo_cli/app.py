@@ -62,5 +62,5 @@ def main() -> None:
         app()
     except KeyboardInterrupt:
         sys.exit(130)
-    except Exception as error:  # noqa: BLE001 the failures a person can act on become one message; others go on
+    except Exception as error:
         sys.exit(report_failure(error, as_json="--json" in sys.argv))

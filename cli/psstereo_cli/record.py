@@ -1,42 +1,18 @@
 """The record of a run, ``run.json``: plain data that says what was done, with what, and how long it took."""
 
 import math
-import platform
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 
+from psstereo.bench import peak_memory, versions
 from psstereo.capture import Capture
 from psstereo.flags import count_flags
 from psstereo.pipeline import Reconstruction
 from psstereo.results import DepthResult, NormalsResult
 
-__all__ = ["finite", "peak_memory", "run_record", "versions"]
-
-_PACKAGES = ("psstereo", "numpy", "scipy", "opencv-contrib-python-headless")
-
-
-def versions() -> dict[str, str]:
-    """Return the versions that decide the numbers."""
-    found = {"python": platform.python_version()}
-    for name in _PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
-
-
-def peak_memory() -> int | None:
-    """Return the largest memory that this process has held [byte], None where the system does not tell."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if platform.system() == "Darwin" else peak * 1024
+__all__ = ["finite", "run_record"]
 
 
 def finite(value: Any) -> Any:
@@ -51,14 +27,14 @@ def finite(value: Any) -> Any:
 
 
 def run_record(
-    command: list[str], capture: Capture, result: Reconstruction, extra: Mapping[str, Any] | None = None
+    command: str, capture: Capture, result: Reconstruction, extra: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Put the record together.
 
     Parameters
     ----------
-    command : list of str
-        What was asked for, without folders.
+    command : str
+        Name of the command.
     capture : Capture
         What was measured.
     result : Reconstruction

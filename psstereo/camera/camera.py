@@ -14,8 +14,8 @@ __all__ = ["Camera"]
 class Camera(ABC):
     """A central or parallel projection onto pixels; pixel (0, 0) has its centre at (0, 0), rows run down.
 
-    Depth means something else for each camera (see :attr:`depth_kind`); :meth:`points` turns it into points in space, so
-    that nobody else needs to know which camera it is.
+    Depth means something else for each camera (see :attr:`depth_kind`); :meth:`points` turns it into points in space,
+    so that nobody else needs to know which camera it is.
     """
 
     name: ClassVar[str]

@@ -39,7 +39,7 @@ class Pinhole(Camera):
         values = np.array([self.fx, self.fy, self.cx, self.cy, self.skew])
         if not np.isfinite(values).all() or self.fx <= 0 or self.fy <= 0:
             raise InputError(
-                given=f"The camera has focal lengths {self.fx} and {self.fy} and principal point ({self.cx}, {self.cy}).",
+                given=f"The focal lengths are {self.fx} and {self.fy}, the principal point ({self.cx}, {self.cy}).",
                 needed="Focal lengths must be positive numbers of pixels and the rest finite.",
                 remedy="Check the camera matrix K = [[fx, s, cx], [0, fy, cy], [0, 0, 1]].",
             )

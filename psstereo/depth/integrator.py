@@ -49,10 +49,16 @@ class Integrator(ABC):
     """A method that finds the depth whose surface has given normals; its fields are its options.
 
     A method writes :meth:`solve`; checking, cropping, free constants and reporting are common to all.
+
+    Attributes
+    ----------
+    threads : int
+        Threads that a method may use for a single surface; the result does not depend on it.
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
+    threads: int = 1
 
     def integrate(
         self,

@@ -43,7 +43,7 @@ class Poisson(Integrator):
     max_iterations : int
         Iterations at most.
     threads : int
-        Threads of the cosine transform.
+        Threads of the cosine transform; multigrid uses one.
 
     References
     ----------
@@ -64,7 +64,6 @@ class Poisson(Integrator):
     slant_exponent: float = 2.0
     tolerance: float = 1e-10
     max_iterations: int = 2000
-    threads: int = 2
 
     def __post_init__(self) -> None:
         limits = self.max_iterations >= 1 and self.threads >= 1 and 0 <= self.slant_exponent <= 4
@@ -75,7 +74,7 @@ class Poisson(Integrator):
                     f"{self.max_iterations}, the number of threads {self.threads}."
                 ),
                 needed="They must be 0 to 4, above 0 and below 1, at least 1, and at least 1.",
-                remedy="Leave them out to use 2, 1e-10, 2000 and 2.",
+                remedy="Leave them out to use 2, 1e-10, 2000 and 1.",
             )
 
     def solve(self, domain: Domain, progress: Progress) -> Solution:

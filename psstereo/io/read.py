@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from psstereo.capture import Capture, Truth
-from psstereo.errors import InputError, MissingFileError, OptionError
+from psstereo.catalogue import choose
+from psstereo.errors import InputError, MissingFileError
 from psstereo.io.catalogue import READERS
 from psstereo.io.image_folder import ImageFolder
 from psstereo.io.parts import images_in, natural_order
@@ -72,12 +73,8 @@ def read_capture(
             needed="A folder with photographs and a file that says where the lights were.",
             remedy="Check the name; quote names with blanks.",
         )
-    if layout is not None and layout not in READERS:
-        raise OptionError(
-            given=f"The format {layout!r} is unknown.",
-            needed=f"Known are {', '.join(READERS)}.",
-            remedy="Choose one of them, or leave the choice to the program.",
-        )
+    if layout is not None:
+        choose(READERS, layout, "format")
     name = layout
     if name is None:
         fits = recognise(source)

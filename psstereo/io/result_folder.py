@@ -59,7 +59,7 @@ def write_result(
     folder : Path
         Where; it must be new, empty, or with `overwrite` an earlier result.
     normals : NormalsResult
-        Becomes ``normals.npy``, ``albedo.npy``, ``uncertainty.npy`` [deg], ``flags.npy``, and pictures of the first two.
+        Becomes ``normals.npy``, ``albedo.npy``, ``uncertainty.npy`` [deg], ``flags.npy``; two pictures.
     depth : DepthResult, optional
         Becomes ``depth.npy``, ``depth.png``.
     mesh : SurfaceMesh, optional

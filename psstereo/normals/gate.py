@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from psstereo.errors import OptionError
+from psstereo.catalogue import choose
 
 __all__ = ["GATES", "Gate", "gate"]
 
@@ -54,10 +54,4 @@ def gate(name: str) -> Gate:
     >>> gate("none").shadow
     False
     """
-    if name not in GATES:
-        raise OptionError(
-            given=f"The gate {name!r} is unknown.",
-            needed=f"Known are {', '.join(GATES)}.",
-            remedy="Choose one of them.",
-        )
-    return GATES[name]
+    return choose(GATES, name, "gate")

@@ -1,0 +1,176 @@
+"""``psstereo reconstruct``: photographs to normals, albedo, depth and mesh."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from psstereo_cli.options import Format, Json, Lights, LightsLayout, Mask, Overwrite, Threads
+
+if TYPE_CHECKING:
+    from psstereo.capture import Capture
+    from psstereo.pipeline import Options, Reconstruction
+
+__all__ = ["reconstruct", "run_and_save"]
+
+
+def reconstruct(
+    folder: Annotated[Path, typer.Argument(help="Folder with the photographs and a file that says where lights were.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the result.")],
+    layout: Format = None,
+    lights: Lights = None,
+    lights_layout: LightsLayout = None,
+    mask: Mask = None,
+    gray: Annotated[
+        str, typer.Option(help="mean, bt601, r, g, b, weights such as 0.3,0.6,0.1, or per-channel (coloured albedo).")
+    ] = "mean",
+    clip: Annotated[
+        float | None, typer.Option(help="Upper bound for brightness over light strength; published baselines use 1.")
+    ] = None,
+    gate: Annotated[
+        str, typer.Option(help="Observations left out: none, shadow, saturation, or auto for both.")
+    ] = "auto",
+    valid_range: Annotated[
+        str | None, typer.Option(help="Shares of full scale such as 0.01,0.98; values outside are left out.")
+    ] = None,
+    solver: Annotated[str, typer.Option(help="Method for the normals.")] = "least-squares",
+    normals_only: Annotated[bool, typer.Option("--normals-only", help="Leave depth and mesh out.")] = False,
+    integrator: Annotated[str, typer.Option(help="Method for the depth.")] = "poisson",
+    threads: Threads = None,
+    max_memory: Annotated[
+        str | None,
+        typer.Option(help="Bound for the arrays of the normals, such as 500MB; samples then wait in a temporary file."),
+    ] = None,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
+) -> None:
+    """Recover normals, albedo, depth and mesh from photographs under several lights.
+
+    Example: `psstereo reconstruct photos -o result --mask photos/mask.png`
+    """
+    from psstereo.io.atomic import require_free
+    from psstereo_cli.console import progress_bars
+    from psstereo_cli.execution import available_threads, parse_size, threaded
+    from psstereo_cli.loading import load_capture
+
+    require_free(out, overwrite=overwrite)  # told before the work, not after it
+    count = threads or available_threads()
+    memory = parse_size(max_memory)
+    options = _options(gray, clip, gate, valid_range, solver, None if normals_only else integrator, memory, count)
+    with threaded(count) as over, progress_bars() as progress:
+        capture, _ = load_capture(
+            folder,
+            layout=layout,
+            lights=lights,
+            lights_layout=lights_layout,
+            mask=mask,
+            over=over,
+            progress=progress,
+        )
+        result, record = run_and_save(
+            capture, options, out, command="reconstruct", overwrite=overwrite, over=over, progress=progress
+        )
+    _tell(out, record, result, as_json=as_json)
+
+
+def _options(
+    gray: str,
+    clip: float | None,
+    gate: str,
+    valid_range: str | None,
+    solver: str,
+    integrator: str | None,
+    max_memory: int | None,
+    threads: int,
+) -> "Options":
+    """Look names up; an unknown one is told before any image is read."""
+    from psstereo.catalogue import choose
+    from psstereo.depth import INTEGRATORS
+    from psstereo.normals import GATES, NORMAL_SOLVERS
+    from psstereo.pipeline import Options
+    from psstereo_cli.execution import parse_floats
+
+    low_high = None if valid_range is None else parse_floats(valid_range, 2, "valid range")
+    return Options(
+        solver=choose(NORMAL_SOLVERS, solver, "solver")(gate=choose(GATES, gate, "gate")),
+        integrator=None if integrator is None else choose(INTEGRATORS, integrator, "integrator")(threads=threads),
+        gray=parse_floats(gray, None, "gray") if "," in gray else gray,
+        clip=clip,
+        valid_range=None if low_high is None else (low_high[0], low_high[1]),
+        max_memory=max_memory,
+    )
+
+
+def run_and_save(
+    capture: "Capture", options: "Options", out: Path, *, command: str, overwrite: bool, over: Any, progress: Any
+) -> tuple["Reconstruction", dict[str, Any]]:
+    """Reconstruct a capture and write its result folder.
+
+    Parameters
+    ----------
+    capture : Capture
+        What was measured.
+    options : Options
+        How.
+    out : Path
+        Where the result goes.
+    command : str
+        For the record.
+    overwrite : bool
+        Whether an earlier result may be replaced.
+    over : map-like
+        Executes the work.
+    progress : callable
+        Told how far it is.
+
+    Returns
+    -------
+    Reconstruction, dict
+        The result and its record.
+    """
+    from psstereo.io.result_folder import write_result
+    from psstereo.pipeline import reconstruct as run
+    from psstereo_cli.record import run_record
+
+    result = run(capture, options, over=over, progress=progress)
+    record = run_record(command, capture, result)
+    write_result(out, result.normals, depth=result.depth, mesh=result.mesh, record=record, overwrite=overwrite)
+    return result, record
+
+
+def _tell(out: Path, record: dict[str, Any], result: "Reconstruction", *, as_json: bool) -> None:
+    """Print what was used and what came out, and leave with 4 if something did not converge."""
+    from psstereo_cli.console import print_json, print_table, say
+    from psstereo_cli.failure import NOT_CONVERGED
+
+    if as_json:
+        print_json({**record, "out": str(out)})
+    else:
+        for note in record["capture"]["notes"]:
+            say(f"note: {note}")
+        rows = [
+            (step["name"], f"{step['seconds']:.2f} s" if step["done"] else "left out", step["reason"])
+            for step in record["steps"]
+        ]
+        print_table(f"{record['capture']['name']}: what was done", rows, ("step", "time", "why"))
+        print_table("result", _figures(record))
+        say(f"The result is in {out}.")
+    if not result.converged:
+        raise typer.Exit(NOT_CONVERGED)
+
+
+def _figures(record: dict[str, Any]) -> list[tuple[str, ...]]:
+    normals, depth = record["normals"], record["depth"]
+    spread = normals["median_uncertainty_deg"]
+    rows: list[tuple[str, ...]] = [
+        ("normals", normals["outcome_text"]),
+        ("albedo", normals["albedo"]),
+        ("expected error", "cannot be told: no redundant light" if spread is None else f"{spread:.3g}° (median)"),
+        *((f"flag {name}", f"{count} pixels") for name, count in normals["flags"].items() if name != "OUTSIDE_MASK"),
+    ]
+    if depth is not None:
+        low, high = depth["range"]
+        rows.append(
+            ("depth", f"{depth['kind']} [{depth['unit']}] from {low:.4g} to {high:.4g}. {depth['outcome_text']}")
+        )
+    return rows

@@ -1,0 +1,108 @@
+"""Records of measurements: one JSON object a line, of a schema that is checked on the way in and out."""
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from psstereo.bench.environment import machine, versions
+from psstereo.errors import InputError
+
+__all__ = ["SCHEMA", "Record", "read_records", "write_records"]
+
+SCHEMA = 1
+"""Number of the records' present form; it grows when a field changes its meaning."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """One measurement.
+
+    Attributes
+    ----------
+    suite, problem, method : str
+        What was measured.
+    repeat : int
+        Count of the repetition, from 0.
+    seconds : mapping
+        Wall-clock time by stage, with ``total`` [s].
+    error : mapping
+        Figures of the error by name, empty where only time was measured.
+    sizes : mapping
+        Lights, pixels and what else the time depends on.
+    memory : int or None
+        Largest memory of the process so far [byte].
+    versions, machine : mapping
+        Where it was measured.
+    schema : int
+        Form of the record.
+    """
+
+    suite: str
+    problem: str
+    method: str
+    repeat: int
+    seconds: Mapping[str, float]
+    error: Mapping[str, float] = field(default_factory=dict)
+    sizes: Mapping[str, int] = field(default_factory=dict)
+    memory: int | None = None
+    versions: Mapping[str, str] = field(default_factory=versions)
+    machine: Mapping[str, str | int] = field(default_factory=machine)
+    schema: int = SCHEMA
+
+    def to_json(self) -> str:
+        """Return the record as one line."""
+        return json.dumps(asdict(self), sort_keys=True, allow_nan=False)
+
+    @classmethod
+    def from_json(cls, line: str) -> "Record":
+        """Read a record from its line.
+
+        Raises
+        ------
+        InputError
+            If it is no record of this schema.
+        """
+        try:
+            content = json.loads(line)
+        except ValueError as error:
+            raise _no_record(str(error)) from None
+        if not isinstance(content, dict):
+            raise _no_record("it is no object")
+        missing = {f.name for f in fields(cls)} ^ set(content)
+        if missing:
+            raise _no_record(f"fields that are missing or unknown: {', '.join(sorted(missing))}")
+        if content["schema"] != SCHEMA:
+            raise _no_record(f"it has the schema {content['schema']}")
+        _check_types(content)
+        return cls(**content)
+
+
+def _check_types(content: Mapping[str, Any]) -> None:
+    texts = ("suite", "problem", "method")
+    numbers = ("seconds", "error", "sizes")
+    good = all(isinstance(content[key], str) for key in texts) and isinstance(content["repeat"], int)
+    for key in numbers:
+        entries = content[key]
+        good = good and isinstance(entries, dict) and all(isinstance(v, int | float) for v in entries.values())
+    if not good or "total" not in content["seconds"]:
+        raise _no_record("a field has the wrong type, or the total time is missing")
+
+
+def _no_record(why: str) -> InputError:
+    return InputError(
+        given=f"A line is no benchmark record: {why}.",
+        needed=f"One JSON object a line, of schema {SCHEMA}.",
+        remedy="Measure again with this version of the program.",
+    )
+
+
+def write_records(path: Path, records: Iterable[Record]) -> None:
+    """Write records as JSON lines."""
+    path.write_text("".join(record.to_json() + "\n" for record in records), encoding="utf-8")
+
+
+def read_records(path: Path) -> list[Record]:
+    """Read records from JSON lines."""
+    return [Record.from_json(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
