@@ -25,7 +25,7 @@ class Options:
         Method for the normals.
     integrator : Integrator or None
         Method for the depth; None leaves depth and mesh out.
-    gray, clip, valid_range, max_memory
+    gray, clip, valid_range, max_memory, workers
         As in :func:`psstereo.normals.estimate_normals`.
     """
 
@@ -35,6 +35,7 @@ class Options:
     clip: float | None = None
     valid_range: tuple[float, float] | None = None
     max_memory: int | None = None
+    workers: int = 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +122,7 @@ def reconstruct(
         clip=chosen.clip,
         valid_range=chosen.valid_range,
         max_memory=chosen.max_memory,
+        workers=chosen.workers,
         over=over,
         progress=progress,
     )

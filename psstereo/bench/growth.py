@@ -36,7 +36,7 @@ def measure_growth(folder: Path, threads: int, max_memory: int | None) -> dict[s
     before = memory_now()
     capture, _ = read_capture(folder)
     with ThreadPoolExecutor(threads) as pool:
-        result = estimate_normals(capture, LeastSquares(), max_memory=max_memory, over=pool.map)
+        result = estimate_normals(capture, LeastSquares(), max_memory=max_memory, workers=threads, over=pool.map)
     peak = peak_memory()
     grown = None if before is None or peak is None else peak - before
     return {"before": before, "peak": peak, "grown": grown, "samples": int(result.facts["sample_bytes"])}

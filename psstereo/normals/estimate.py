@@ -38,6 +38,7 @@ def estimate_normals(
     valid_range: tuple[float, float] | None = None,
     weights: FloatArray | None = None,
     max_memory: int | None = None,
+    workers: int = 1,
     over: Map = map,
     progress: Progress = no_progress,
 ) -> NormalsResult:
@@ -61,6 +62,8 @@ def estimate_normals(
         Weights of the observations, inverse variances up to a factor; zero leaves one out.
     max_memory : int, optional
         Bound for arrays [byte]. If the samples do not fit they wait in a temporary file.
+    workers : int
+        How many pieces `over` executes at the same time, for that bound.
     over : map-like
         Executes images and blocks, such as the ``map`` of a thread pool.
     progress : callable
@@ -89,7 +92,7 @@ def estimate_normals(
     channels = gray_weights(gray, capture.stack.shape[3])
     conversion = _conversion(capture, channels.matrix, method.gate.saturation, clip, valid_range)
     job = _BlockJob(method, state, _pixel_weights(weights, capture, pixels), len(channels.matrix))
-    plan = plan_memory(capture.stack, pixels, len(channels.matrix), max_memory)
+    plan = plan_memory(capture.stack, pixels, len(channels.matrix), max_memory, workers)
     with _store(plan) as store:
         largest = gather(capture.stack, pixels, conversion, store, over=over, progress=progress)
         _require_light(largest, capture.stack.names)

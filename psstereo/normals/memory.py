@@ -14,8 +14,8 @@ __all__ = ["BLOCK", "MemoryPlan", "plan_memory"]
 BLOCK = 2048
 """Pixels solved at once: large enough to hide the interpreter, small enough for 96 lights to stay in the cache."""
 
-_WORKERS = 2
-"""Images decoded and blocks solved at the same time, as assumed for the bound."""
+_BLOCK_ARRAYS = 4.5
+"""Working arrays of a block in float64, masks included; test_memory holds solvers to it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class MemoryPlan:
     sample_bytes: int
 
 
-def plan_memory(stack: ImageStack, pixels: PixelSet, values: int, max_memory: int | None) -> MemoryPlan:
+def plan_memory(stack: ImageStack, pixels: PixelSet, values: int, max_memory: int | None, workers: int) -> MemoryPlan:
     """Decide where the samples wait.
 
     Parameters
@@ -56,6 +56,8 @@ def plan_memory(stack: ImageStack, pixels: PixelSet, values: int, max_memory: in
         Values an observation: 1 for gray, the number of channels otherwise.
     max_memory : int or None
         Bound for arrays; no bound if absent [byte].
+    workers : int
+        Images decoded, and blocks solved, at the same time.
 
     Returns
     -------
@@ -74,8 +76,8 @@ def plan_memory(stack: ImageStack, pixels: PixelSet, values: int, max_memory: in
     # Result: normals, albedo and uncertainty, once by pixel and once as image; indices; flags.
     result = (count + h * w) * ((4 + values) * dtype.itemsize + 2) + 16 * count
     box = (pixels.box[0].stop - pixels.box[0].start) * (pixels.box[1].stop - pixels.box[1].start)
-    decoding = _WORKERS * (h * w * c * (stack.dtype.itemsize + 1) + box * (c + values + 1) * dtype.itemsize)
-    solving = _WORKERS * m * BLOCK * 8 * 6
+    decoding = workers * (h * w * c * (stack.dtype.itemsize + 1) + box * (c + values + 1) * dtype.itemsize)
+    solving = int(workers * m * BLOCK * 8 * _BLOCK_ARRAYS)
     fixed = result + max(decoding, solving)
     whole = MemoryPlan(
         shape=(values, m, count), dtype=dtype, in_memory=True, tile=-(-count // BLOCK) * BLOCK, sample_bytes=total
@@ -88,6 +90,6 @@ def plan_memory(stack: ImageStack, pixels: PixelSet, values: int, max_memory: in
         raise InputError(
             given=f"The memory limit is {max_memory / 1e6:.0f} MB.",
             needed=f"Images of {w} × {h} pixels under {m} lights take {(fixed + block) / 1e6:.0f} MB even in tiles.",
-            remedy="Allow that much, crop the images to the object, or bin their pixels.",
+            remedy="Allow that much, use fewer threads, crop the images to the object, or bin their pixels.",
         )
     return MemoryPlan(shape=whole.shape, dtype=dtype, in_memory=False, tile=int(room) * BLOCK, sample_bytes=total)

@@ -150,17 +150,28 @@ def _decode(files: list[Path], over: "Map") -> None:
 
 def _command(folder: Path, out: Path, threads: int, *options: str) -> None:
     words = ["reconstruct", str(folder), "-o", str(out), "--threads", str(threads), "--overwrite", *options]
-    subprocess.run([sys.executable, "-m", "psstereo_cli", *words], check=True, capture_output=True)
+    _run_python("psstereo_cli", *words)
 
 
 def _growth(folder: Path, threads: int, bound: int | None = None) -> dict[str, Any]:
     words = [str(folder), str(threads), *([] if bound is None else [str(bound)])]
-    done = subprocess.run(
-        [sys.executable, "-m", "psstereo.bench.growth", *words], check=True, capture_output=True, text=True
-    )
-    measured: dict[str, Any] = json.loads(done.stdout)
+    measured: dict[str, Any] = json.loads(_run_python("psstereo.bench.growth", *words))
     grown = measured["grown"]
     return {**measured, "grown_over_samples": None if grown is None else grown / measured["samples"]}
+
+
+def _run_python(module: str, *words: str) -> str:
+    """Run a module in a process of its own and return what it prints; a failure is told with its last words."""
+    from psstereo.errors import InputError
+
+    done = subprocess.run([sys.executable, "-m", module, *words], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise InputError(
+            given=f"The measured process ended with {done.returncode}: {done.stderr.strip().splitlines()[-1:]}.",
+            needed="It must run through.",
+            remedy="Try other sizes, or run the command by hand to see more.",
+        )
+    return done.stdout
 
 
 def _parse_dimensions(text: str) -> tuple[int, int]:

@@ -98,6 +98,7 @@ def _options(
         clip=clip,
         valid_range=None if low_high is None else (low_high[0], low_high[1]),
         max_memory=max_memory,
+        workers=threads,
     )
 
 
