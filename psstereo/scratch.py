@@ -45,13 +45,11 @@ class Scratch(threading.local):
         array
             Uninitialised, in the sense above.
         """
-        kind = np.dtype(dtype)
-        size = int(np.prod(shape)) * kind.itemsize
         held = self._arrays.get(name)
-        if held is None or held.nbytes < size:
-            held = np.zeros(size, np.uint8)
+        if held is None or held.shape != shape or held.dtype != dtype:
+            held = np.zeros(shape, dtype)
             self._arrays[name] = held
-        return held[:size].view(kind).reshape(shape)
+        return held
 
     def copy(self, name: str, source: Any) -> Array:
         """Return the array `name` holding a float64 copy of `source`."""

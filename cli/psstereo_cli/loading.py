@@ -15,6 +15,7 @@ def load_capture(
     lights: Path | None,
     lights_layout: str | None,
     mask: str | None,
+    truth: bool,
     over: Map = map,
     progress: Progress,
 ) -> tuple[Capture, Truth | None]:
@@ -26,6 +27,8 @@ def load_capture(
         The capture.
     layout, lights, lights_layout, mask
         As on the command line.
+    truth : bool
+        Whether to read the truth too.
     over : map-like
         Executes images, if a mask has to be found.
     progress : callable
@@ -45,12 +48,13 @@ def load_capture(
         lights_layout=lights_layout,
         mask=Path(mask) if mask not in (None, "none", "auto") else None,
         ignore_mask=mask in ("none", "auto"),
+        truth=truth,
     )
-    capture, truth = read_capture(folder, layout=layout, choices=choices)
+    capture, found_truth = read_capture(folder, layout=layout, choices=choices)
     if mask == "auto":
         from psstereo.masking import mask_from_brightness
 
         found = mask_from_brightness(capture.stack, over=over, progress=progress)
         note = f"The mask was found from brightness and covers {found.mean():.1%} of the image."
         capture = replace(capture, mask=found, notes=(*capture.notes, note))
-    return capture, truth
+    return capture, found_truth

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from psstereo.bench.environment import memory_now, peak_memory
-from psstereo.io import read_capture
+from psstereo.io import Choices, read_capture
 from psstereo.normals import LeastSquares, estimate_normals
 
 __all__ = ["measure_growth"]
@@ -34,7 +34,7 @@ def measure_growth(folder: Path, threads: int, max_memory: int | None) -> dict[s
     import threadpoolctl  # noqa: F401
 
     before = memory_now()
-    capture, _ = read_capture(folder)
+    capture, _ = read_capture(folder, choices=Choices(truth=False))
     with ThreadPoolExecutor(threads) as pool:
         result = estimate_normals(capture, LeastSquares(), max_memory=max_memory, workers=threads, over=pool.map)
     peak = peak_memory()

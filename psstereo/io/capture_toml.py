@@ -115,7 +115,8 @@ class CaptureToml(Reader):
             name=top.text("name") or file.resolve().parent.name,
             notes=(*image_notes, *light_notes),
         )
-        return capture, _truth(top.section("truth"), shape)
+        section = top.section("truth")
+        return capture, _truth(section, shape) if choices.truth else None
 
 
 def _parse(file: Path) -> Section:

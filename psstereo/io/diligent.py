@@ -64,7 +64,7 @@ class Diligent(Reader):
         dark, dark_notes = find_dark(path, stack)
         camera, camera_notes = find_camera(path)
         shape = (stack.shape[1], stack.shape[2])
-        truth = true_surface(path, shape)
+        truth = true_surface(path, shape) if choices.truth else None
         if truth is not None and truth.depth is not None and isinstance(camera, Orthographic):
             camera_notes = ("The true depth is in a unit of its own; the size of a pixel on the object is unknown.",)
         capture = Capture(

@@ -60,7 +60,7 @@ class NearLed(Reader):
             name=path.resolve().name,
             notes=(*lamps.notes, *notes, *dark),
         )
-        return capture, _truth(path, shape)
+        return capture, _truth(path, shape) if choices.truth else None
 
 
 def _layout(path: Path) -> LampLayout | None:

@@ -62,7 +62,7 @@ class NpzStack(Reader):
             name=file.stem,
             notes=(*notes, *light_notes, *camera_notes),
         )
-        return capture, _truth(folder, shape)
+        return capture, _truth(folder, shape) if choices.truth else None
 
 
 def _truth(folder: Path, shape: tuple[int, int]) -> Truth | None:

@@ -1,5 +1,6 @@
 """From a folder to a capture: which layout it is, why, and what is in it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,8 +33,15 @@ class Recognition:
 
 def recognise(path: Path) -> list[Recognition]:
     """Return every layout that fits, the one that would be taken first."""
-    found = ((name, reader.recognise(path)) for name, reader in READERS.items())
-    return [Recognition(name, reason) for name, reason in found if reason]
+    return list(_recognitions(path))
+
+
+def _recognitions(path: Path) -> Iterator[Recognition]:
+    """Ask one reader after the other; some of them have to look into files."""
+    for name, reader in READERS.items():
+        reason = reader.recognise(path)
+        if reason:
+            yield Recognition(name, reason)
 
 
 def read_capture(
@@ -77,9 +85,9 @@ def read_capture(
         choose(READERS, layout, "format")
     name = layout
     if name is None:
-        fits = recognise(source)
-        if fits:
-            name = fits[0].format
+        first = next(_recognitions(source), None)
+        if first is not None:
+            name = first.format
         elif source.is_dir() and choices is not None and choices.lights is not None and images_in(source):
             name = ImageFolder.name  # nothing but the lights was missing
         else:
@@ -97,7 +105,7 @@ def _unknown(path: Path) -> InputError:
     images = len(images_in(path))
     endings = (".txt", ".lp", ".toml", ".csv", ".npy", ".mat")
     texts = sorted(p.name for p in path.iterdir() if p.suffix.lower() in endings)
-    inside = [p.name for p in natural_order(path.iterdir()) if p.is_dir() and recognise(p)]
+    inside = [p.name for p in natural_order(path.iterdir()) if p.is_dir() and any(_recognitions(p))]
     if inside:
         return InputError(
             given=f"{path} is no capture; its sub-folders {', '.join(inside[:4])}{' …' if inside[4:] else ''} are.",

@@ -25,12 +25,15 @@ class Choices:
         Mask to take instead of the folder's own.
     ignore_mask : bool
         Whether to take every pixel, whatever mask there is.
+    truth : bool
+        Whether to read the truth too; a reconstruction has no use for it.
     """
 
     lights: Path | None = None
     lights_layout: str | None = None
     mask: Path | None = None
     ignore_mask: bool = False
+    truth: bool = True
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy as np
 
 from psstereo.flags import Flag, fatal_mask
 from psstereo.lights import Rig
-from psstereo.normals.moments import Factor, RigFactor, angular_spread, cholesky, solve_cholesky
+from psstereo.normals.moments import Factor, RigFactor, angular_spread, cholesky, identity, solve_cholesky
 from psstereo.normals.solver import NormalSolver, PixelNormals, Samples
 from psstereo.types import BoolArray, FlagArray, FloatArray
 
@@ -57,10 +57,19 @@ class LeastSquares(NormalSolver[RigFactor]):
         values = state.scratch.copy("values", samples.values)
         usable = _usable(values, samples.weights)
         brightest = values.max(axis=0)
-        fit = _Fit(state, values, samples.weights, usable)
-        if self.gate.shadow:
-            fit.keep(np.greater(values, _DARK * brightest, out=state.scratch.array("kept", values.shape, np.bool_)))
-            fit.keep_again(_lit_by_model(fit))
+        if not self.gate.shadow:
+            return _Fit(state, values, samples.weights, usable, usable).result(dark=~(brightest > 0))
+        kept = np.greater(values, _DARK * brightest, out=state.scratch.array("kept", values.shape, np.bool_))
+        if usable is not None:
+            kept &= usable
+        fit = _Fit(state, values, samples.weights, usable, kept)
+        fit.keep(_lit_by_model(fit))
+        poor = np.flatnonzero(fit.singular)
+        if len(poor):
+            # Dim is not dark: three usable observations of any brightness beat none.
+            wider = fit.kept.copy()
+            wider[:, poor] = values[:, poor] > 0
+            fit.keep(wider)
         return fit.result(dark=~(brightest > 0))
 
 
@@ -77,7 +86,7 @@ def _usable(values: FloatArray, weights: FloatArray | None) -> BoolArray | None:
 
 
 def _lit_by_model(fit: "_Fit") -> BoolArray:
-    """Return the observations that are lit according to a first fit; as many as can be had where few are left."""
+    """Return the observations that are lit according to a first fit, or its own where they would be too few."""
     lit: BoolArray = fit.rig.scratch.array("lit", fit.values.shape, np.bool_)
     smaller = np.minimum(fit.predicted, fit.values, out=fit.product)
     with np.errstate(invalid="ignore"):
@@ -87,9 +96,6 @@ def _lit_by_model(fit: "_Fit") -> BoolArray:
     few = np.flatnonzero(_count(lit) < 3)
     if len(few):
         lit[:, few] = fit.kept[:, few]
-        few = few[(_count(lit[:, few]) < 3) | fit.singular[few]]
-        # Dim is not dark: three usable observations of any brightness beat none.
-        lit[:, few] = fit.values[:, few] > 0
     return lit
 
 
@@ -110,38 +116,51 @@ class _Fit:
         Weights of the observations.
     usable : bool array (m, p) or None
         Observations that may be used, None for all.
+    kept : bool array (m, p) or None
+        Observations to fit first, None for all.
     """
 
     def __init__(
-        self, rig: RigFactor, values: FloatArray, weights: FloatArray | None, usable: BoolArray | None
+        self,
+        rig: RigFactor,
+        values: FloatArray,
+        weights: FloatArray | None,
+        usable: BoolArray | None,
+        kept: BoolArray | None,
     ) -> None:
         self.rig = rig
         self.values = values
         self.weights = weights
         self.usable = usable
-        self.w = rig.scratch.array("w", values.shape, np.float64)
-        self.product = rig.scratch.array("product", values.shape, np.float64)
-        self.predicted: FloatArray = rig.scratch.array("predicted", values.shape, np.float64)
-        self.kept = np.ones(values.shape, np.bool_) if usable is None else usable
-        self.keep(self.kept)
+        self.product: FloatArray = rig.scratch.array("product", values.shape, np.float64)
+        self.w: FloatArray | None = None
+        self.kept: BoolArray = np.ones(values.shape, np.bool_) if kept is None else kept
+        if weights is None and (kept is None or kept.all()):
+            # Nothing is left out: the columns of Q are orthonormal and A is the identity.
+            self.x: FloatArray = rig.q.T @ values
+            self.factor, self.singular = identity(values.shape[1])
+        else:
+            self.w = self._weigh()
+            self.x, self.factor, self.singular = self._solve(self.w, np.multiply(self.w, values, out=self.product))
+        predicted = rig.scratch.array("predicted", values.shape, np.float64)
+        self.predicted: FloatArray = np.matmul(rig.q, self.x, out=predicted)
+
+    def _weigh(self) -> FloatArray:
+        """Return the weights of the kept observations, zero for the others."""
+        w: FloatArray = self.rig.scratch.array("w", self.values.shape, np.float64)
+        np.copyto(w, self.kept)
+        if self.weights is not None:
+            w *= self.weights
+        return w
 
     def keep(self, kept: BoolArray) -> None:
-        """Fit all pixels to some of their usable observations."""
-        if self.usable is not None:
-            kept &= self.usable
-        self.kept = kept
-        np.copyto(self.w, kept)
-        if self.weights is not None:
-            self.w *= self.weights
-        self.x, self.factor, self.singular = self._solve(self.w, np.multiply(self.w, self.values, out=self.product))
-        np.matmul(self.rig.q, self.x, out=self.predicted)
-
-    def keep_again(self, kept: BoolArray) -> None:
-        """Fit those pixels again to whose observations this makes a difference."""
+        """Take other observations, and fit those pixels again to which this makes a difference."""
         changed = np.flatnonzero((kept != self.kept).any(axis=0))
         self.kept = kept
         if len(changed) == 0:
             return
+        if self.w is None:
+            self.w = self._weigh()
         w = kept[:, changed].astype(np.float64)
         if self.weights is not None:
             w *= self.weights[:, changed]
@@ -163,7 +182,7 @@ class _Fit:
     def result(self, *, dark: BoolArray) -> PixelNormals:
         """Correct the fits by one step, and tell normals, spread and flags."""
         residual = np.subtract(self.values, self.predicted, out=self.predicted)
-        weighted = np.multiply(self.w, residual, out=self.product)
+        weighted = residual if self.w is None else np.multiply(self.w, residual, out=self.product)
         squares = np.einsum("mp,mp->p", weighted, residual)
         self.x += solve_cholesky(self.factor, self.rig.q.T @ weighted)
         scaled: FloatArray = self.rig.r_inverse @ self.x

@@ -23,7 +23,7 @@ from psstereo.lights import Rig
 from psstereo.scratch import Scratch
 from psstereo.types import BoolArray, FloatArray
 
-__all__ = ["Factor", "RigFactor", "angular_spread", "cholesky", "solve_cholesky"]
+__all__ = ["Factor", "RigFactor", "angular_spread", "cholesky", "identity", "solve_cholesky"]
 
 _SINGULAR = 1e-10
 """Pivot over trace below which a pixel's lights count as coplanar: 1e-5 of the rig's own spread, squared."""
@@ -98,6 +98,12 @@ def cholesky(a: FloatArray) -> tuple[Factor, BoolArray]:
         d3 = a33 - l31 * l31 - l32 * l32
         l33 = np.sqrt(np.where(d3 > tiny, d3, np.nan))
     return (l11, l21, l22, l31, l32, l33), ~np.isfinite(l33)
+
+
+def identity(count: int) -> tuple[Factor, BoolArray]:
+    """Return the factors of `count` unit matrices, as :func:`cholesky` does."""
+    ones, zeros = np.ones((3, count)), np.zeros((3, count))
+    return (ones[0], zeros[0], ones[1], zeros[1], zeros[2], ones[2]), np.zeros(count, np.bool_)
 
 
 def solve_cholesky(factor: Factor, rhs: FloatArray) -> FloatArray:

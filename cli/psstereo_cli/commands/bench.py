@@ -83,17 +83,18 @@ def _reading(
     repeats: int, size: str | None, lights: int, threads: int, over: "Map", progress: "Progress"
 ) -> tuple[list["Record"], str, dict[str, Any]]:
     from psstereo.bench import run_timed
-    from psstereo.io import read_capture
+    from psstereo.io import Choices, read_capture
     from psstereo.normals import GATES, LeastSquares, estimate_normals
 
     width, height = _parse_dimensions(size or "612x512")
     with tempfile.TemporaryDirectory(prefix="psstereo-bench-") as temporary:
         folder = Path(temporary) / "capture"
         _write_folder(folder, width, height, lights, progress)
+        images = Choices(truth=False)
         files = sorted(folder.glob("[0-9]*.png"))
 
         def estimate(gate: str) -> object:
-            return estimate_normals(read_capture(folder)[0], LeastSquares(gate=GATES[gate]), over=over)
+            return estimate_normals(read_capture(folder, choices=images)[0], LeastSquares(gate=GATES[gate]), over=over)
 
         methods: dict[str, Callable[[], object]] = {
             "decoding alone": partial(_decode, files, over),

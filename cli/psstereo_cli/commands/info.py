@@ -58,7 +58,7 @@ def _describe(
     from psstereo_cli.record import finite
 
     capture, truth = load_capture(
-        folder, layout=layout, lights=lights, lights_layout=lights_layout, mask=mask, progress=no_progress
+        folder, layout=layout, lights=lights, lights_layout=lights_layout, mask=mask, truth=True, progress=no_progress
     )
     fits = recognise(folder)
     record = {

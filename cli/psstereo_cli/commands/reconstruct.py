@@ -64,6 +64,7 @@ def reconstruct(
             lights=lights,
             lights_layout=lights_layout,
             mask=mask,
+            truth=False,
             over=over,
             progress=progress,
         )
