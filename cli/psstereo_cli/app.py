@@ -1,5 +1,6 @@
 """The command's entry: its list of commands, and what an error looks like."""
 
+import os
 import signal
 import sys
 from types import FrameType
@@ -58,6 +59,7 @@ def _terminate(_number: int, _frame: FrameType | None) -> NoReturn:
 def main() -> None:
     """Run the command: exit code 0 fine, 2 usage, 3 the input cannot be used, 4 finished but not converged."""
     signal.signal(signal.SIGTERM, _terminate)
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")  # a damaged file gets one message, ours
     try:
         app()
     except KeyboardInterrupt:

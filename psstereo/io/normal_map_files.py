@@ -1,8 +1,6 @@
 """Arrays of three or four channels out of image and array files, in the file's own numbers: no frames, no scaling."""
 
-import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from psstereo.errors import InputError, MissingFileError, OptionError, PsstereoError, UnreadableFileError
+from psstereo.stack.decode import decode_image
 from psstereo.types import Array
 
 __all__ = ["DECODERS", "Decoded", "decode_vectors"]
-
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,45 +101,9 @@ def _damaged(path: Path, reason: str) -> UnreadableFileError:
 
 
 def _decode_image(path: Path, _variable: str | None) -> Decoded:
-    """Decode what OpenCV reads, with all bits, as RGB or RGBA."""
-    data = np.fromfile(path, dtype=np.uint8)  # unlike cv2.imread, this takes blanks and accents everywhere
+    """Decode a picture with all its bits, as RGB or RGBA."""
     suffix = path.suffix.lower()
-    if suffix == ".png":
-        _check_png(path, data.tobytes())
-    elif suffix in (".jpg", ".jpeg") and b"\xff\xd9" not in data[-4096:].tobytes():
-        raise _damaged(path, "the end marker is missing, so the file is cut short")
-    return Decoded(values=_imdecode(path, data), source="JPEG" if suffix[1] == "j" else suffix[1:].upper())
-
-
-def _imdecode(path: Path, data: Array) -> Array:
-    import cv2
-
-    if data.size == 0:
-        raise _damaged(path, "the file is empty")
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise _damaged(path, "the decoder found no picture in it")
-    if image.ndim == 3 and image.shape[-1] in (3, 4):
-        return np.asarray(image[..., [2, 1, 0, 3][: image.shape[-1]]])
-    return np.asarray(image)
-
-
-def _check_png(path: Path, data: bytes) -> None:
-    """Walk the chunks: decoders hand out half a picture, or complain on stderr, when a PNG file is cut short."""
-    if not data.startswith(_PNG_SIGNATURE):
-        raise _damaged(path, "it does not start like a PNG file")
-    view, position, kind = memoryview(data), len(_PNG_SIGNATURE), b""
-    while kind != b"IEND":
-        if position + 12 > len(data):
-            raise _damaged(path, "the end marker is missing, so the file is cut short")
-        (length,) = struct.unpack_from(">I", data, position)
-        kind = bytes(view[position + 4 : position + 8])
-        end = position + 12 + length
-        if end > len(data):
-            raise _damaged(path, "the last block is cut short")
-        if zlib.crc32(view[position + 4 : end - 4]) != struct.unpack_from(">I", data, end - 4)[0]:
-            raise _damaged(path, f"the check sum of a block '{kind.decode('latin-1')}' is wrong")
-        position = end
+    return Decoded(values=decode_image(path), source="JPEG" if suffix[1] == "j" else suffix[1:].upper())
 
 
 def _decode_tiff(path: Path, _variable: str | None) -> Decoded:
@@ -157,7 +118,7 @@ def _decode_tiff(path: Path, _variable: str | None) -> Decoded:
     except (KeyError, ValueError) as error:
         if "imagecodecs" not in str(error):
             raise
-        return Decoded(values=_imdecode(path, np.fromfile(path, dtype=np.uint8)), source="TIFF")
+        return _decode_image(path, None)
     return Decoded(values=np.moveaxis(values, 0, -1) if planar and values.ndim == 3 else values, source="TIFF")
 
 
@@ -249,6 +210,7 @@ DECODERS: Mapping[str, Callable[[Path, str | None], Decoded]] = {
     ".bmp": _decode_image,
     ".jpg": _decode_image,
     ".jpeg": _decode_image,
+    ".tga": _decode_image,
     ".tif": _decode_tiff,
     ".tiff": _decode_tiff,
     ".exr": _decode_exr,

@@ -142,5 +142,5 @@ def _damaged(path: Path, how: str) -> UnreadableFileError:
     return UnreadableFileError(
         given=f"The file {path} {how}.",
         needed="A whole image file is needed; part of one would be taken for shadow.",
-        remedy="Copy it again from its source, or leave it out together with its light.",
+        remedy="Copy it again from its source; a photograph that is left out takes its light with it.",
     )

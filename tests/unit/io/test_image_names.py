@@ -17,7 +17,7 @@ def touch(folder, *names):
     [
         ("a.png", "a.png", None),
         (r"C:\photos 1\Séance\a.png", "a.png", "base names"),
-        ("/home/me/a.png", "a.png", "base names"),
+        ("/photos/me/a.png", "a.png", "base names"),
         ("./a.png", "a.png", None),
         ("A.PNG", "a.png", "letter case"),
         ("my  photo.png", "my photo.png", "letter case or blanks"),

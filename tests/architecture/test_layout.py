@@ -1,0 +1,161 @@
+"""The shape of the code: small modules, a frozen public list, nothing of one machine, every family in its catalogue."""
+
+import ast
+import inspect
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import psstereo
+from psstereo.camera import CAMERAS, Camera
+from psstereo.depth import INTEGRATORS, Integrator
+from psstereo.io import READERS, Reader
+from psstereo.lights import LIGHTS, Light
+from psstereo.normals import NORMAL_SOLVERS, NormalSolver
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = (ROOT / "psstereo", ROOT / "synth" / "psstereo_synth", ROOT / "cli" / "psstereo_cli")
+MODULES = sorted(path for package in PACKAGES for path in package.rglob("*.py"))
+
+PUBLIC = [
+    "Capture",
+    "Choices",
+    "DepthResult",
+    "Directional",
+    "FileStack",
+    "Flag",
+    "GATES",
+    "INTEGRATORS",
+    "LeastSquares",
+    "Led",
+    "MemoryStack",
+    "NORMAL_SOLVERS",
+    "NormalsResult",
+    "Options",
+    "Orthographic",
+    "Outcome",
+    "Pinhole",
+    "Poisson",
+    "PsstereoError",
+    "READERS",
+    "Reconstruction",
+    "Response",
+    "Rig",
+    "StrengthUnit",
+    "Truth",
+    "angular_error",
+    "describe_flags",
+    "estimate_normals",
+    "height_error",
+    "lambertian_images",
+    "mask_from_brightness",
+    "radiometry",
+    "read_capture",
+    "read_normal_map",
+    "read_result",
+    "recognise",
+    "reconstruct",
+    "summarise_angles",
+    "triangulate",
+    "with_distance",
+    "write_diligent",
+    "write_mesh",
+    "write_normal_map",
+    "write_result",
+]
+
+
+def tracked_files() -> list[Path]:
+    done = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if done.returncode == 0 and done.stdout:
+        return [ROOT / line for line in done.stdout.splitlines()]
+    return [p for p in ROOT.rglob("*") if p.is_file() and not any(part.startswith(".") for part in p.parts)]
+
+
+def test_public_names_are_frozen() -> None:
+    assert sorted(psstereo.__all__) == sorted(PUBLIC)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_public_name_exists_and_is_documented(name: str) -> None:
+    member = getattr(psstereo, name)
+    if inspect.isclass(member) or inspect.isfunction(member) or inspect.ismodule(member):
+        assert inspect.getdoc(member)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_module_is_small(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_public_functions_say_what_they_do(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    assert ast.get_docstring(tree), "the module has no docstring"
+    silent = [
+        node.name
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef | ast.ClassDef)
+        and not node.name.startswith("_")
+        and not ast.get_docstring(node)
+    ]
+    assert not silent
+
+
+def test_top_level_is_what_the_users_asked_for() -> None:
+    visible = {path.name for path in ROOT.iterdir() if not path.name.startswith(".")}
+    wanted = {
+        "pyproject.toml",
+        "psstereo",
+        "synth",
+        "tests",
+        "cli",
+        "README.md",
+        "DESIGN.md",
+        "CHANGELOG.md",
+        "LICENSE",
+    }
+    generated = {"build", "dist", "psstereo-demo"}
+    assert wanted <= visible
+    assert visible - wanted - generated <= {"docs"}
+
+
+def test_nothing_belongs_to_one_machine() -> None:
+    pattern = re.compile(r"/(?:home|root|work|tmp|Users)/[A-Za-z]")
+    guilty = []
+    for path in tracked_files():
+        if path == Path(__file__).resolve() or path.suffix in {".png", ".npy"}:
+            continue
+        text = path.read_text(encoding="utf-8", errors="ignore")
+        guilty += [f"{path.relative_to(ROOT)}: {m.group(0)}" for m in pattern.finditer(text)]
+    assert not guilty
+
+
+def test_no_photographs_are_kept() -> None:
+    heavy = [path for path in tracked_files() if path.is_file() and path.stat().st_size > 300_000]
+    assert not heavy
+
+
+def final_classes(base: type) -> set[type]:
+    """Classes below a base, as far as the library itself defines them."""
+    found = set()
+    for child in base.__subclasses__():
+        found |= final_classes(child) or {child}
+    return {c for c in found if c.__module__.startswith("psstereo.")}
+
+
+@pytest.mark.parametrize(
+    ("base", "members"),
+    [
+        (NormalSolver, set(NORMAL_SOLVERS.values())),
+        (Integrator, set(INTEGRATORS.values())),
+        (Light, set(LIGHTS.values())),
+        (Camera, set(CAMERAS.values())),
+        (Reader, {type(reader) for reader in READERS.values()}),
+    ],
+    ids=lambda value: value.__name__ if isinstance(value, type) else "",
+)
+def test_every_member_is_in_its_catalogue(base: type, members: set[type]) -> None:
+    assert final_classes(base) == members
