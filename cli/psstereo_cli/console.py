@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["print_json", "print_table", "progress_bars", "say"]
 
+_FILE_WIDTH = 120
+"""Characters a line when the words go into a file rather than onto a screen."""
+
 _PATIENCE = 0.7
 """Seconds before a bar appears; quicker work needs none, and drawing has to be loaded first."""
 
@@ -25,8 +28,13 @@ def say(text: str) -> None:
 
 
 def print_json(record: Mapping[str, Any]) -> None:
-    """Write one JSON object on stdout."""
-    sys.stdout.write(json.dumps(record, ensure_ascii=False, indent=1, allow_nan=False) + "\n")
+    """Write one JSON object on stdout, with escapes where its encoding lacks a letter."""
+    text = json.dumps(record, ensure_ascii=False, indent=1, allow_nan=False)
+    try:
+        text.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
+        text = json.dumps(record, indent=1, allow_nan=False)
+    sys.stdout.write(text + "\n")
 
 
 def print_table(title: str, rows: Iterable[tuple[str, ...]], columns: tuple[str, ...] = ()) -> None:
@@ -42,7 +50,10 @@ def print_table(title: str, rows: Iterable[tuple[str, ...]], columns: tuple[str,
         table.add_column(columns[i] if columns else "", overflow="fold")
     for row in content:
         table.add_row(*(escape(cell) for cell in row))
-    Console(stderr=True).print(table)
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        console.width = _FILE_WIDTH
+    console.print(table)
 
 
 @contextmanager

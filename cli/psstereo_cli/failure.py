@@ -1,6 +1,5 @@
 """What a failure looks like: one message on stderr, JSON on stdout where machines read, exit code 3."""
 
-import json
 import sys
 
 from psstereo.errors import PsstereoError
@@ -40,6 +39,8 @@ def report_failure(error: Exception, *, as_json: bool) -> int:
         raise error
     sys.stderr.write(f"psstereo: {given}\n  {needed}\n  {remedy}\n")
     if as_json:
+        from psstereo_cli.console import print_json
+
         message = {"kind": type(error).__name__, "given": given, "needed": needed, "remedy": remedy}
-        sys.stdout.write(json.dumps({"error": message}, ensure_ascii=False) + "\n")
+        print_json({"error": message})
     return INPUT_UNUSABLE

@@ -1,6 +1,7 @@
 """Records of measurements: one JSON object a line, of a schema that is checked on the way in and out."""
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -70,11 +71,11 @@ class Record:
             raise _no_record(str(error)) from None
         if not isinstance(content, dict):
             raise _no_record("it is no object")
+        if content.get("schema") != SCHEMA:
+            raise _no_record(f"it has the schema {content.get('schema')}")
         missing = {f.name for f in fields(cls)} ^ set(content)
         if missing:
             raise _no_record(f"fields that are missing or unknown: {', '.join(sorted(missing))}")
-        if content["schema"] != SCHEMA:
-            raise _no_record(f"it has the schema {content['schema']}")
         _check_types(content)
         return cls(**content)
 
@@ -82,12 +83,18 @@ class Record:
 def _check_types(content: Mapping[str, Any]) -> None:
     texts = ("suite", "problem", "method")
     numbers = ("seconds", "error", "sizes")
-    good = all(isinstance(content[key], str) for key in texts) and isinstance(content["repeat"], int)
+    good = all(isinstance(content[key], str) for key in texts) and type(content["repeat"]) is int
+    good = good and (content["memory"] is None or type(content["memory"]) is int)
+    good = good and all(isinstance(content[key], dict) for key in ("versions", "machine"))
     for key in numbers:
         entries = content[key]
-        good = good and isinstance(entries, dict) and all(isinstance(v, int | float) for v in entries.values())
+        good = good and isinstance(entries, dict) and all(_is_number(v) for v in entries.values())
     if not good or "total" not in content["seconds"]:
         raise _no_record("a field has the wrong type, or the total time is missing")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _no_record(why: str) -> InputError:
@@ -99,8 +106,13 @@ def _no_record(why: str) -> InputError:
 
 
 def write_records(path: Path, records: Iterable[Record]) -> None:
-    """Write records as JSON lines."""
-    path.write_text("".join(record.to_json() + "\n" for record in records), encoding="utf-8")
+    """Write records as JSON lines; the file appears whole or not at all."""
+    partial = path.with_name(f".{path.name}.part")
+    try:
+        partial.write_text("".join(record.to_json() + "\n" for record in records), encoding="utf-8")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def read_records(path: Path) -> list[Record]:

@@ -9,6 +9,7 @@ from typing import Any
 from psstereo.bench.environment import peak_memory
 from psstereo.bench.problem import Problem
 from psstereo.bench.record import Record
+from psstereo.errors import InputError
 from psstereo.metrics import summarise_angles
 from psstereo.normals import NormalSolver, estimate_normals
 from psstereo.types import Map, Progress, no_progress
@@ -172,10 +173,21 @@ def summarise(records: Sequence[Record], baseline: str) -> list[Summary]:
     -------
     list of Summary
         In the order of the records.
+
+    Raises
+    ------
+    InputError
+        If a round lacks the baseline.
     """
     base = {(r.problem, r.repeat): r.seconds["total"] for r in records if r.method == baseline}
     groups: dict[tuple[str, str], list[Record]] = {}
     for record in records:
+        if (record.problem, record.repeat) not in base:
+            raise InputError(
+                given=f"Round {record.repeat} of the problem {record.problem!r} has no record of {baseline!r}.",
+                needed="Ratios need the baseline in each round.",
+                remedy="Measure it too, or choose another baseline.",
+            )
         groups.setdefault((record.problem, record.method), []).append(record)
     return [
         Summary(

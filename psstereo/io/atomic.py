@@ -14,6 +14,10 @@ __all__ = ["RECORD", "new_folder", "require_free"]
 RECORD = "run.json"
 """File by which a result folder is told from any other."""
 
+_NAMES = frozenset({RECORD, "report.html", ".DS_Store", "Thumbs.db", "desktop.ini"})
+_STEMS = frozenset({"normals", "albedo", "depth", "uncertainty", "flags", "mesh"})
+"""What a result folder may hold; one with anything else in it is somebody's work and is never removed."""
+
 
 def require_free(folder: Path, *, overwrite: bool) -> None:
     """Refuse to write where something is that nobody asked to replace.
@@ -47,6 +51,13 @@ def require_free(folder: Path, *, overwrite: bool) -> None:
             needed="A new name, so that nothing of yours is lost.",
             remedy="Choose another folder with -o.",
         )
+    foreign = sorted(p.name for p in folder.iterdir() if p.name not in _NAMES and (p.stem not in _STEMS or p.is_dir()))
+    if foreign:
+        raise ExistingResultError(
+            given=f"{folder} holds what no result has: {', '.join(foreign[:4])}{' …' if len(foreign) > 4 else ''}.",
+            needed="A folder is replaced only if nothing else would be lost.",
+            remedy="Move that away, or choose another folder with -o.",
+        )
     if not overwrite:
         raise ExistingResultError(
             given=f"{folder} holds the result of an earlier run.",
@@ -79,7 +90,7 @@ def new_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
         If the folder cannot be made.
     """
     require_free(folder, overwrite=overwrite)
-    target = folder.absolute()
+    target = folder.resolve()  # through links and "..", so that what is renamed is the folder itself
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         work = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
@@ -107,10 +118,14 @@ def _exchange(work: Path, target: Path) -> None:
         work.rename(target)
         return
     old = Path(tempfile.mkdtemp(prefix=f".{target.name}-old-", dir=target.parent))
-    target.rename(old / target.name)
+    kept = old / target.name
     try:
+        target.rename(kept)
         work.rename(target)
-    except OSError:
-        (old / target.name).rename(target)
+    except BaseException:  # an interruption between the two must not take the earlier result along
+        if kept.exists() and not target.exists():
+            kept.rename(target)
         raise
-    shutil.rmtree(old, ignore_errors=True)
+    finally:
+        if target.exists():
+            shutil.rmtree(old, ignore_errors=True)

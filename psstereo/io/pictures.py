@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from psstereo.errors import InputError
 from psstereo.types import Array, FloatArray
 
 __all__ = ["albedo_picture", "depth_picture", "write_png"]
@@ -21,12 +22,23 @@ def write_png(path: Path, image: Array) -> None:
         File to write.
     image : uint8 or uint16 array (h, w) or (h, w, 3)
         The picture.
+
+    Raises
+    ------
+    InputError
+        If PNG cannot hold it.
     """
     import cv2
 
     rows = image[..., ::-1] if image.ndim == 3 else image
     options = [cv2.IMWRITE_PNG_COMPRESSION, 1]
-    encoded = cv2.imencode(".png", np.ascontiguousarray(rows), options)[1]
+    done, encoded = cv2.imencode(".png", np.ascontiguousarray(rows), options)
+    if not done:
+        raise InputError(
+            given=f"A picture of the shape {image.shape} could not be coded as PNG.",
+            needed="A picture within the limits of OpenCV's PNG writer is needed.",
+            remedy="Crop the images to the object, or bin their pixels.",
+        )
     path.write_bytes(encoded.tobytes())
 
 

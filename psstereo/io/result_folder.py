@@ -92,7 +92,8 @@ def write_result(
                 if len(mesh.faces) or suffix != ".glb":
                     write_mesh(mesh, work / f"mesh{suffix}")
         text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
-        (work / RECORD).write_text(text + "\n", encoding="utf-8")
+        # A file name that is no UTF-8 comes as lone surrogates; written as \\uXXXX they are valid JSON.
+        (work / RECORD).write_bytes((text + "\n").encode("utf-8", "backslashreplace"))
 
 
 def _save(path: Path, array: Array, dtype: type[np.generic]) -> None:

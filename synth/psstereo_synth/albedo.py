@@ -30,5 +30,5 @@ def checker(
     """
     rows, columns = np.indices(shape) * cells / min(shape)
     even = (np.floor(rows) + np.floor(columns)) % 2 == 0
-    gray = np.where(even, high, low) * (1 - 0.2 * rows / rows.max())
+    gray = np.where(even, high, low) * (1 - 0.2 * np.linspace(0.0, 1.0, shape[0])[:, None])
     return np.asarray(gray[..., None] * np.array([1.0, 0.85, 0.7]) if tint else gray)

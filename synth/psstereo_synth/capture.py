@@ -51,12 +51,23 @@ def lambertian_capture(
         Images whose brightest value is 0.9 of full scale, with absolute lights.
     truth : Truth
         Normals, heights and albedo.
+
+    Raises
+    ------
+    InputError
+        If no light reaches the surface.
     """
     irradiance = np.full(len(directions), 1000.0) if strengths is None else np.asarray(strengths, np.float64)
     rig = Rig.distant(directions, irradiance, strength_unit=StrengthUnit.IRRADIANCE, source="synthetic suns")
     radiance = lambertian_images(surface.normals, np.asarray(albedo) / np.pi, rig)
     radiance *= surface.mask[..., None]
     white = float(radiance.max()) / 0.9
+    if not white > 0:
+        raise InputError(
+            given="The surface is black under every light.",
+            needed="An exposure needs some light.",
+            remedy="Check that the albedo is above zero and that the lights stand before the surface.",
+        )
     stack = MemoryStack(expose(radiance / white, bits=bits, noise=noise, seed=seed))
     capture = Capture(stack=stack, rig=rig, mask=surface.mask, radiance_at_white=white, name=name)
     return capture, Truth(normals=surface.normals, depth=surface.height, albedo=albedo, source=name)

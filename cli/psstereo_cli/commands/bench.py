@@ -49,6 +49,8 @@ def bench(
     from psstereo_cli.execution import available_threads, threaded
 
     run = choose({"accuracy": _accuracy, "reading": _reading}, suite, "suite")
+    if out is not None:
+        _require_place(out)
     count = threads or available_threads()
     with threaded(count) as over, progress_bars() as progress:
         records, baseline, facts = run(repeats, size, lights, count, over, progress)
@@ -65,18 +67,35 @@ def bench(
     _print(suite, baseline, summaries, facts, count, repeats)
 
 
+def _require_place(out: Path) -> None:
+    """Refuse a file that cannot be written, before anything is measured."""
+    from psstereo.errors import MissingFileError
+
+    if out.is_dir() or not out.absolute().parent.is_dir():
+        raise MissingFileError(
+            given=f"{out} {'is a folder' if out.is_dir() else 'lies in a folder that does not exist'}.",
+            needed="A file for the records, in a folder that exists.",
+            remedy="Choose another name with -o.",
+        )
+
+
 def _accuracy(
     repeats: int, size: str | None, _lights: int, _threads: int, over: "Map", progress: "Progress"
 ) -> tuple[list["Record"], str, dict[str, Any]]:
     from psstereo.bench import run_solvers
+    from psstereo.errors import OptionError
     from psstereo.normals import GATES, LeastSquares
     from psstereo_synth.problems import lambertian_problems
 
-    width, _ = _parse_dimensions(size or "256x256")
-    methods = {f"least-squares, gate {name}": LeastSquares(gate=GATES[name]) for name in ("none", "auto")}
+    width, height = _parse_dimensions(size or "256x256")
+    if width != height:
+        raise OptionError(
+            given=f"The size is {size!r}.", needed="The scenes of accuracy are squares.", remedy=f"Say {width}x{width}."
+        )
+    methods = {f"least-squares, {name}": LeastSquares(gate=GATES[name]) for name in ("none", "auto")}
     problems = lambertian_problems(width)
     records = run_solvers("accuracy", problems, methods, repeats=repeats, over=over, progress=progress)
-    return records, "least-squares, gate none", {}
+    return records, "least-squares, none", {}
 
 
 def _reading(
@@ -179,7 +198,7 @@ def _parse_dimensions(text: str) -> tuple[int, int]:
     from psstereo.errors import OptionError
 
     parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isdigit() and 8 <= int(part) <= 20000 for part in parts):
+    if len(parts) != 2 or not all(part.isdecimal() and 8 <= int(part) <= 20000 for part in parts):
         raise OptionError(
             given=f"The size is {text!r}.",
             needed="WIDTHxHEIGHT in pixels, from 8 to 20000 each.",

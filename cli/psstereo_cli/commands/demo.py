@@ -1,7 +1,7 @@
 """``psstereo demo``: from nothing to a scored result in a moment."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -30,10 +30,11 @@ def demo(
     from psstereo.io.atomic import require_free
     from psstereo.io.result_folder import read_result
     from psstereo.pipeline import Options
-    from psstereo_cli.commands.evaluate import angle_rows, height_rows, score
+    from psstereo_cli.commands.evaluate import score
     from psstereo_cli.commands.reconstruct import run_and_save
-    from psstereo_cli.console import print_json, print_table, progress_bars, say
+    from psstereo_cli.console import print_json, progress_bars
     from psstereo_cli.execution import available_threads, threaded
+    from psstereo_cli.failure import NOT_CONVERGED
     from psstereo_cli.record import finite
     from psstereo_synth import demo_capture
 
@@ -43,13 +44,23 @@ def demo(
     capture, truth = demo_capture(size, lights=lights, noise=noise, seed=seed)
     with threaded(count) as over, progress_bars() as progress:
         options = Options(integrator=Poisson(threads=count))
-        _, record = run_and_save(
+        result, record = run_and_save(
             capture, options, folder, command="demo", overwrite=overwrite, over=over, progress=progress
         )
     scores = score(read_result(folder), truth, capture.mask)
     if as_json:
         print_json({**record, "scores": finite(scores), "out": str(folder)})
-        return
+    else:
+        _tell(folder, size, lights, scores)
+    if not result.converged:
+        raise typer.Exit(NOT_CONVERGED)
+
+
+def _tell(folder: Path, size: int, lights: int, scores: dict[str, Any]) -> None:
+    """Print what was made and how well it went."""
+    from psstereo_cli.commands.evaluate import angle_rows, height_rows
+    from psstereo_cli.console import print_table, say
+
     say(f"{lights} images of {size} × {size} pixels were made and reconstructed; the truth is known:")
     print_table("angular error of the normals", angle_rows(scores["normals"]))
     print_table("error of the heights", height_rows(scores["depth"]))

@@ -40,9 +40,17 @@ def evaluate(
 
     Example: `psstereo evaluate result photos --json`
     """
+    from psstereo.catalogue import choose
+    from psstereo.io import CONVENTIONS
+    from psstereo.metrics.height import ALIGNMENTS
     from psstereo_cli.console import print_json, print_table
     from psstereo_cli.record import finite
 
+    # Unknown names are told even where what they choose does not come to pass.
+    choose(CONVENTIONS, convention, "convention")
+    choose({"skip": None, "count-90": None}, short_truth, "rule for short truth")
+    if align is not None:
+        choose(ALIGNMENTS, align, "alignment")
     saved = _estimate(out)
     known, mask = _truth(truth, layout, convention)
     scores = score(saved, known, mask, short_truth=short_truth, align=align)
@@ -81,6 +89,8 @@ def score(
     dict
         ``normals`` [deg] and ``depth`` [unit], each None where it cannot be scored.
     """
+    import numpy as np
+
     from psstereo.errors import InputError
     from psstereo.metrics import height_error, summarise_angles
 
@@ -88,12 +98,16 @@ def score(
     if truth.normals is not None:
         _same_size(saved.normals.shape[:2], truth.normals.shape[:2])
         rule: Any = short_truth
-        scores["normals"] = asdict(summarise_angles(saved.normals, truth.normals, mask, short_truth=rule))
+        # Readers make NaN of a missing normal; the rule asks about short ones, so it gets zeros.
+        known = np.nan_to_num(truth.normals) if short_truth == "count-90" else truth.normals
+        scores["normals"] = asdict(summarise_angles(saved.normals, known, mask, short_truth=rule))
     depth_record = saved.record.get("depth") or {}
     if truth.depth is not None and saved.depth is not None:
         _same_size(saved.depth.shape, truth.depth.shape)
         alignment = align or ("scale" if depth_record.get("kind") == "distance" else "offset")
-        unit = str(depth_record.get("unit", "px"))
+        # Scaled to the truth, the result is in the truth's unit, which no file states.
+        scaled = alignment in ("scale", "affine")
+        unit = "(unit of the truth)" if scaled else str(depth_record.get("unit", "px"))
         error = height_error(saved.depth, truth.depth, mask, alignment=alignment, unit=unit)
         scores["depth"] = asdict(error)
     if scores["normals"] is None and scores["depth"] is None:
@@ -117,8 +131,9 @@ def _estimate(path: Path) -> "SavedResult":
 
 def _truth(path: Path, layout: str | None, convention: str) -> tuple["Truth", "BoolArray | None"]:
     from psstereo.capture import Truth
-    from psstereo.errors import InputError
-    from psstereo.io import read_capture, read_normal_map, recognise
+    from psstereo.errors import InputError, OptionError
+    from psstereo.io import green_convention, read_capture, read_normal_map, recognise
+    from psstereo_cli.console import say
 
     if path.is_dir() or layout is not None or recognise(path):
         capture, known = read_capture(path, layout=layout)
@@ -128,8 +143,16 @@ def _truth(path: Path, layout: str | None, convention: str) -> tuple["Truth", "B
                 needed="True normals or depth beside the images, such as Normal_gt.mat.",
                 remedy="Name the file of a normal map instead.",
             )
+        if convention != "opengl":
+            raise OptionError(
+                given=f"The convention {convention!r} is given with the capture {path}.",
+                needed="It says how a normal map given as truth is read; a capture says that itself.",
+                remedy="Leave --convention out, or name the file of the normal map.",
+            )
         return known, capture.mask
     found = read_normal_map(path, convention=convention)
+    if convention == "opengl" and green_convention(found.normals).verdict == "directx":
+        say(f"note: green seems to be down in {path.name}; if so, say --convention directx.")
     return Truth(normals=found.normals, source=path.name), None
 
 

@@ -56,7 +56,7 @@ def reconstruct(
     require_free(out, overwrite=overwrite)  # told before the work, not after it
     count = threads or available_threads()
     memory = parse_size(max_memory)
-    options = _options(gray, clip, gate, valid_range, solver, None if normals_only else integrator, memory, count)
+    options = _options(gray, clip, gate, valid_range, solver, integrator, memory, count, normals_only=normals_only)
     with threaded(count) as over, progress_bars() as progress:
         capture, _ = load_capture(
             folder,
@@ -80,21 +80,32 @@ def _options(
     gate: str,
     valid_range: str | None,
     solver: str,
-    integrator: str | None,
+    integrator: str,
     max_memory: int | None,
     threads: int,
+    *,
+    normals_only: bool,
 ) -> "Options":
     """Look names up; an unknown one is told before any image is read."""
     from psstereo.catalogue import choose
     from psstereo.depth import INTEGRATORS
+    from psstereo.errors import OptionError
     from psstereo.normals import GATES, NORMAL_SOLVERS
     from psstereo.pipeline import Options
+    from psstereo.stack.gray import GRAY, PER_CHANNEL
     from psstereo_cli.execution import parse_floats
 
+    if clip is not None and not clip > 0:
+        raise OptionError(
+            given=f"The clip is {clip:g}.", needed="A number above zero.", remedy="Published baselines use 1."
+        )
+    if "," not in gray:
+        choose({**GRAY, PER_CHANNEL: None}, gray, "gray value")
+    method = choose(INTEGRATORS, integrator, "integrator")
     low_high = None if valid_range is None else parse_floats(valid_range, 2, "valid range")
     return Options(
         solver=choose(NORMAL_SOLVERS, solver, "solver")(gate=choose(GATES, gate, "gate")),
-        integrator=None if integrator is None else choose(INTEGRATORS, integrator, "integrator")(threads=threads),
+        integrator=None if normals_only else method(threads=threads),
         gray=parse_floats(gray, None, "gray") if "," in gray else gray,
         clip=clip,
         valid_range=None if low_high is None else (low_high[0], low_high[1]),

@@ -1,0 +1,115 @@
+"""``psstereo bench``: small suites; figures of time are never tested, only that they are there."""
+
+import math
+import sys
+
+import pytest
+
+from psstereo.bench import read_records, summarise
+from psstereo_synth.problems import lambertian_problems
+
+
+@pytest.fixture(scope="module")
+def names():
+    return [problem.name for problem in lambertian_problems(32)]
+
+
+def test_accuracy_as_record_and_as_table(run, tmp_path, names):
+    words = ("bench", "accuracy", "--size", "32x32", "--repeats", "2", "--threads", "1")
+    done = run(*words, "--json", "-o", tmp_path / "records.jsonl")
+    assert done.code == 0
+    assert done.err == ""
+    record = done.record
+    assert (record["suite"], record["repeats"], record["threads"]) == ("accuracy", 2, 1)
+    methods = list(dict.fromkeys(row["method"] for row in record["rows"]))
+    assert [method.split()[-1] for method in methods] == ["none", "auto"]
+    assert record["baseline"] == methods[0]
+    assert [(row["problem"], row["method"]) for row in record["rows"]] == [(p, m) for p in names for m in methods]
+    for row in record["rows"]:
+        assert row["seconds"] > 0
+        assert row["ratio"] > 0
+        assert all(math.isfinite(value) for value in row["error"].values())
+        assert row["method"] != methods[0] or row["ratio"] == 1
+    errors = {(row["problem"], row["method"]): row["error"]["mean_deg"] for row in record["rows"]}
+    assert errors["exact", methods[1]] < 1e-6
+    assert errors["exact", methods[0]] > 1  # attached shadows, taken for data
+    assert errors["16 bit", methods[1]] < errors["8 bit", methods[1]] < errors["noise", methods[1]] < 2
+
+    records = read_records(tmp_path / "records.jsonl")
+    assert len(records) == 2 * len(names) * len(methods)
+    assert {r.sizes["width"] for r in records} == {32}
+    rows = [(s.problem, s.method, s.seconds, s.ratio) for s in summarise(records, methods[0])]
+    assert rows == [(r["problem"], r["method"], r["seconds"], r["ratio"]) for r in record["rows"]]
+    assert [p.name for p in tmp_path.iterdir()] == ["records.jsonl"]
+
+
+def test_accuracy_for_a_person(run, names):
+    done = run("bench", "--size", "16x16", "--repeats", "1")
+    assert done.code == 0
+    assert done.out == ""
+    assert "suite accuracy: medians of 1 rounds" in done.text
+    for name in names:
+        assert name in done.text
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (("acuracy",), ("acuracy", "accuracy, reading", "Did you mean accuracy?")),
+        (("accuracy", "--size", "32"), ("'32'", "WIDTHxHEIGHT")),
+        (("accuracy", "--size", "4x4"), ("'4x4'", "from 8")),
+        (("accuracy", "--size", "²²x²²"), ("WIDTHxHEIGHT",)),
+        (("accuracy", "--size", "32x16"), ("32x16", "squares", "32x32")),
+        (("accuracy", "-o", "no folder/records.jsonl"), ("no folder", "does not exist")),
+        (("accuracy", "-o", "."), ("is a folder",)),
+    ],
+)
+def test_nonsense_is_told_before_anything_is_measured(run, tmp_path, monkeypatch, words, parts):
+    import psstereo.bench
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(psstereo.bench, "run_solvers", lambda *_a, **_k: pytest.fail("something was measured"))
+    done = run("bench", *words, "--json")
+    assert done.code == 3
+    error = done.record["error"]
+    assert done.err == f"psstereo: {error['given']}\n  {error['needed']}\n  {error['remedy']}\n"
+    for part in parts:
+        assert part in done.err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_reading_measures_decoding_library_command_and_memory(run, tmp_path, monkeypatch, environment):
+    monkeypatch.setenv("PYTHONPATH", environment["PYTHONPATH"])
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    words = ("bench", "reading", "--size", "64x48", "--lights", "6", "--repeats", "1", "--threads", "2")
+    done = run(*words, "--json", "-o", tmp_path / "records.jsonl")
+    assert done.code == 0
+    record = done.record
+    assert record["baseline"] == "decoding alone"
+    assert [row["method"] for row in record["rows"]] == [
+        "decoding alone",
+        "library, gate none",
+        "library, gate auto",
+        "command, normals only",
+        "command, with depth and mesh",
+    ]
+    sizes = record["sizes"]
+    assert (sizes["lights"], sizes["width"], sizes["height"], sizes["threads"]) == (6, 64, 48, 2)
+    assert 0 < sizes["pixels"] < 64 * 48
+    assert record["memory"].keys() == {"in memory", "in 30 MB"}
+    for grown in record["memory"].values():
+        assert grown["samples"] == sizes["pixels"] * 6 * 4
+        if sys.platform == "linux":
+            assert grown["peak"] > grown["before"] > 0
+    assert len(read_records(tmp_path / "records.jsonl")) == 5
+    assert not list(tmp_path.glob("psstereo-bench-*"))
+
+
+def test_a_measured_process_that_fails_is_told(monkeypatch):
+    from psstereo.errors import InputError
+    from psstereo_cli.commands.bench import _run_python
+
+    with pytest.raises(InputError, match="No module named") as caught:
+        _run_python("psstereo_no_such_module")
+    assert "ended with 1" in caught.value.given
