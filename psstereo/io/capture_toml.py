@@ -1,6 +1,7 @@
 """Our own description of a capture, a ``capture.toml`` written by hand."""
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -211,7 +212,7 @@ def _with_mask(choices: Choices, own: Path | None) -> Choices:
     """Return the choices with the description's own mask where none was chosen."""
     if own is None or choices.mask is not None or choices.ignore_mask:
         return choices
-    return Choices(lights=choices.lights, lights_layout=choices.lights_layout, mask=own)
+    return replace(choices, mask=own)
 
 
 def _truth(section: Section, shape: tuple[int, int]) -> Truth | None:

@@ -29,8 +29,8 @@ def read_bytes(path: Path) -> Array:
     except FileNotFoundError:
         raise MissingFileError(
             given=f"The file {path} does not exist.",
-            needed="Every image that is listed must be there.",
-            remedy="Check its name and folder, or take it out of the list together with its light.",
+            needed="Every file that is listed or named must be there.",
+            remedy="Check its name and folder; an image taken out of a list takes its light with it.",
         ) from None
     except OSError as error:
         raise UnreadableFileError(

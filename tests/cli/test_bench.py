@@ -113,3 +113,15 @@ def test_a_measured_process_that_fails_is_told(monkeypatch):
     with pytest.raises(InputError, match="No module named") as caught:
         _run_python("psstereo_no_such_module")
     assert "ended with 1" in caught.value.given
+
+
+def test_records_are_not_overwritten_without_being_asked(run, tmp_path):
+    kept = tmp_path / "mine.jsonl"
+    kept.write_text("keep me", encoding="utf-8")
+    words = ["bench", "accuracy", "--size", "32x32", "--repeats", "1", "--threads", "1", "-o", str(kept)]
+    refused = run(*words)
+    assert refused.code == 3
+    assert "--overwrite" in refused.err
+    assert kept.read_text(encoding="utf-8") == "keep me"
+    assert run(*words, "--overwrite").code == 0
+    assert len(read_records(kept)) > 1

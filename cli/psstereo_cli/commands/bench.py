@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from psstereo_cli.options import Json, Threads
+from psstereo_cli.options import Json, Overwrite, Threads
 
 if TYPE_CHECKING:
     from psstereo.bench import Record
@@ -37,6 +37,7 @@ def bench(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="File for the records, one JSON object a line.")
     ] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Measure, and print medians and ratios within this one run.
@@ -50,7 +51,7 @@ def bench(
 
     run = choose({"accuracy": _accuracy, "reading": _reading}, suite, "suite")
     if out is not None:
-        _require_place(out)
+        _require_place(out, overwrite=overwrite)
     count = threads or available_threads()
     with threaded(count) as over, progress_bars() as progress:
         records, baseline, facts = run(repeats, size, lights, count, over, progress)
@@ -67,9 +68,16 @@ def bench(
     _print(suite, baseline, summaries, facts, count, repeats)
 
 
-def _require_place(out: Path) -> None:
+def _require_place(out: Path, *, overwrite: bool) -> None:
     """Refuse a file that cannot be written, before anything is measured."""
-    from psstereo.errors import MissingFileError
+    from psstereo.errors import ExistingResultError, MissingFileError
+
+    if out.is_file() and not overwrite:
+        raise ExistingResultError(
+            given=f"{out} exists.",
+            needed="It is not replaced without being asked for.",
+            remedy="Add --overwrite, or choose another name with -o.",
+        )
 
     if out.is_dir() or not out.absolute().parent.is_dir():
         raise MissingFileError(
