@@ -10,8 +10,8 @@ Examples
 >>> rig = psstereo.Rig.distant([[0.6, 0, 0.8], [-0.6, 0, 0.8], [0, 0.6, 0.8], [0, -0.6, 0.8]])
 >>> images = psstereo.lambertian_images(np.array([[[0.0, 0.0, 1.0]]]), np.array([[0.25]]), rig)
 >>> result = psstereo.estimate_normals(psstereo.Capture(stack=psstereo.MemoryStack(images), rig=rig))
->>> result.normals.round(6).tolist(), result.albedo.round(6).tolist()
-([[[0.0, 0.0, 1.0]]], [[0.25]])
+>>> result.normals[0, 0, 2].round(6).item(), result.albedo[0, 0].round(6).item()
+(1.0, 0.25)
 """
 
 import lazy_loader

@@ -64,6 +64,12 @@ class Capture:
             )
         if self.mask is not None:
             _check_mask(self.mask, (height, width))
+        if self.radiance_at_white is not None and not 0 < self.radiance_at_white < np.inf:
+            raise InputError(
+                given=f"The radiance of a pixel at full scale is {self.radiance_at_white}.",
+                needed="It must be a positive number of W m⁻² sr⁻¹.",
+                remedy="Correct it, or leave it out to get relative albedo.",
+            )
         if self.dark is not None and self.dark.shape != (height, width, channels):
             raise InputError(
                 given=f"The dark image has the shape {self.dark.shape}; the images, {(height, width, channels)}.",

@@ -48,8 +48,10 @@ def mask_from_brightness(stack: ImageStack, *, over: Map = map, progress: Progre
     from skimage.filters import threshold_otsu
 
     brightest = feed_all(stack, Brightest(), over=over, progress=progress).astype(np.float64)
-    floor = stack.white / 255 if stack.dtype.kind == "u" else float(np.nanmax(brightest)) * 1e-3
-    level = np.log(np.maximum(np.nan_to_num(brightest), floor))
+    top = float(brightest.max(where=np.isfinite(brightest), initial=0.0))
+    brightest = np.nan_to_num(brightest, nan=0.0, posinf=top, neginf=0.0)
+    floor = stack.white / 255 if stack.dtype.kind == "u" else top * 1e-3
+    level = np.log(np.maximum(brightest, floor)) if floor > 0 else np.zeros_like(brightest)
     if level.min() == level.max():
         raise InputError(
             given="Every pixel is equally bright at its brightest.",

@@ -161,12 +161,13 @@ def _solving(capture: Capture, options: Options, normals: NormalsResult) -> list
         saturation = f"Values outside {facts['valid_range'][0]:.3g} to {facts['valid_range'][1]:.3g} of full scale."
     elif gate.saturation:
         saturation = "The images hold floating-point values without a full scale."
+    shadow = "Observations in shadow were left out." if gate.shadow else "The gate leaves shadowed observations in."
     tiled = facts["samples_in"] != "memory"
     where = f"{facts['sample_bytes'] / 1e6:.0f} MB of samples were kept in {facts['samples_in']}."
     return [
         Step(name="reading", done=True, reason=f"{len(capture.stack)} images.", seconds=normals.seconds["read"]),
         Step(name="saturation gate", done=facts["valid_range"] is not None, reason=saturation),
-        Step(name="shadow gate", done=gate.shadow, reason=gate.sentence),
+        Step(name="shadow gate", done=gate.shadow, reason=shadow),
         Step(name="tiling", done=tiled, reason=where),
         Step(
             name=f"normals ({options.solver.name})",

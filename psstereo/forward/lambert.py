@@ -48,7 +48,7 @@ def lambertian_images(
     n = np.asarray(normals, np.float64)
     rho = np.asarray(brdf, np.float64)
     rho = rho[..., None] if rho.ndim == 2 else rho
-    if n.ndim != 3 or n.shape[2] != 3 or rho.shape[:2] != n.shape[:2]:
+    if n.ndim != 3 or n.shape[2] != 3 or rho.ndim != 3 or rho.shape[:2] != n.shape[:2]:
         raise InputError(
             given=f"Normals have the shape {n.shape}, ρ the shape {np.shape(brdf)}.",
             needed="Normals are (h, w, 3) and ρ is (h, w) or (h, w, c).",
@@ -66,6 +66,21 @@ def lambertian_images(
             needed="Irradiance from a near light depends on where the surface is.",
             remedy="Give points, such as camera.points(depth).",
         )
+    if points is not None and np.shape(points) != n.shape:
+        raise InputError(
+            given=f"Points have the shape {np.shape(points)}, normals the shape {n.shape}.",
+            needed="There must be one point for each normal.",
+            remedy="Give both for the same image.",
+        )
     where = n if points is None else np.asarray(points, np.float64)
-    images = [rho * light.irradiance(where, n) for light in rig.lights]
+    corner = where[:1, :1], n[:1, :1]  # tells the channels of a light
+    channels = {rho.shape[2], *(light.irradiance(*corner).shape[-1] for light in rig.lights)} - {1}
+    if len(channels) > 1:
+        raise InputError(
+            given=f"ρ and the lights have {' and '.join(str(c) for c in sorted(channels))} channels.",
+            needed="They must have the same number of channels, or one.",
+            remedy="Give ρ and the lights' strengths for the same channels.",
+        )
+    shape = (*n.shape[:2], max(channels, default=1))
+    images = [np.broadcast_to(rho * light.irradiance(where, n), shape) for light in rig.lights]
     return np.nan_to_num(np.stack(images), nan=0.0)

@@ -109,7 +109,9 @@ class Rig:
         UnsupportedError
             If a light is not distant.
         """
-        return np.array([light.direction for light in self._distant_lights()]).reshape(-1, 3)
+        matrix = np.array([light.direction for light in self._distant_lights()]).reshape(-1, 3)
+        matrix.flags.writeable = False  # it is kept
+        return matrix
 
     def strengths(self, channels: int) -> FloatArray:
         """Return strengths, float64 (m, channels); a single strength serves all channels.
@@ -131,8 +133,9 @@ class Rig:
         return np.array(rows).reshape(-1, channels)
 
     def select(self, indices: npt.ArrayLike) -> "Rig":
-        """Return the rig of some of the lights, in the given order."""
-        return Rig(tuple(self.lights[int(i)] for i in np.asarray(indices)), self.strength_unit, self.source)
+        """Return the rig of some of the lights: those at some indices, in that order, or where a mask (m,) is true."""
+        chosen = np.arange(len(self))[np.asarray(indices)]
+        return Rig(tuple(self.lights[i] for i in chosen), self.strength_unit, self.source)
 
     def condition(self) -> float:
         """Return the condition number of the light matrix, infinite if the lights are coplanar [1]."""

@@ -49,7 +49,10 @@ def combine_channels(channels: list[PixelNormals]) -> tuple[FloatArray, FloatArr
         if not np.nanmax(np.abs(normals - previous), initial=0.0) > _SETTLED:
             break
     albedo = np.where(solved, np.einsum("pcx,px->pc", b, normals), np.nan)
-    return normals, albedo, _uncertainty(channels, albedo, solved), _flags(channels, np.asarray(solved.any(axis=1)))
+    flags = _flags(channels, np.asarray(solved.any(axis=1)))
+    # channels that cancel each other, or lengths whose fourth powers leave the range of numbers
+    flags[~fatal_mask(flags) & ~np.isfinite(normals).all(axis=1)] |= np.uint16(Flag.NOT_FINITE)
+    return normals, albedo, _uncertainty(channels, albedo, solved), flags
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

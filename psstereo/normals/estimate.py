@@ -21,7 +21,7 @@ from psstereo.normals.memory import BLOCK, MemoryPlan, plan_memory
 from psstereo.normals.solver import NormalSolver, Samples
 from psstereo.results import AlbedoKind, NormalsResult, Outcome
 from psstereo.stack import Conversion, MemoryStore, PixelSet, SampleStore, SpillStore, gather, gray_weights
-from psstereo.types import FlagArray, FloatArray, Map, Progress, no_progress
+from psstereo.types import FlagArray, FloatArray, IntArray, Map, Progress, no_progress
 
 __all__ = ["estimate_normals"]
 
@@ -91,13 +91,15 @@ def estimate_normals(
     pixels = PixelSet.from_mask(capture.effective_mask)
     channels = gray_weights(gray, capture.stack.shape[3])
     conversion = _conversion(capture, channels.matrix, method.gate.saturation, clip, valid_range)
-    job = _BlockJob(method, state, _pixel_weights(weights, capture, pixels), len(channels.matrix))
-    plan = plan_memory(capture.stack, pixels, len(channels.matrix), max_memory, workers)
+    job = _BlockJob(method, state, _flat_weights(weights, capture), pixels.indices, len(channels.matrix))
+    undoing = (0 if capture.response.is_linear else 8) + (0 if capture.dark is None else 8)
+    plan = plan_memory(capture.stack, pixels, len(channels.matrix), max_memory, workers, undoing=undoing)
     with _store(plan) as store:
         largest = gather(capture.stack, pixels, conversion, store, over=over, progress=progress)
         _require_light(largest, capture.stack.names)
         read = time.perf_counter()
         answer = _solve_blocks(job, store, plan, over, progress)
+    del job, state  # and the working arrays with them
     facts = {
         "solver": method.name,
         "gate": method.gate.name,
@@ -131,12 +133,15 @@ class _BlockJob:
 
     solver: NormalSolver[Any]
     state: Any
-    weights: FloatArray | None
+    weights: FloatArray | None  # (m, h · w); a block's are picked when it is solved, so that they are not held twice
+    indices: IntArray
     channels: int
 
     def __call__(self, block: tuple[int, FloatArray]) -> _Answer:
         start, values = block
-        weights = None if self.weights is None else self.weights[:, start : start + values.shape[2]]
+        weights = None
+        if self.weights is not None:
+            weights = self.weights[:, self.indices[start : start + values.shape[2]]].astype(np.float64)
         parts = [self.solver.solve(self.state, Samples(values[k], weights)) for k in range(self.channels)]
         if self.channels > 1:
             return _Answer(*combine_channels(parts))
@@ -161,15 +166,19 @@ def _solve_blocks(job: _BlockJob, store: SampleStore, plan: MemoryPlan, over: Ma
     # One thread a block: linear algebra that splits a block itself would round differently from run to run.
     with threadpool_limits(1, user_api="blas"):
         for tile in range(0, count, plan.tile):
-            values = store.read(tile, min(tile + plan.tile, count))
-            starts = range(0, values.shape[2], BLOCK)
-            blocks = [(tile + s, values[:, :, s : s + BLOCK]) for s in starts]
-            for (start, part), answer in zip(blocks, over(job, blocks), strict=True):
-                where = slice(start, start + part.shape[2])
-                out.normals[where], out.albedo[where] = answer.normals, answer.albedo
-                out.uncertainty[where], out.flags[where] = answer.uncertainty, answer.flags
-                progress("solving pixels", where.stop, count)
+            stop = min(tile + plan.tile, count)
+            _solve_tile(job, tile, store.read(tile, stop), out, over=over, progress=progress)
     return out
+
+
+def _solve_tile(job: _BlockJob, tile: int, values: FloatArray, out: _Answer, *, over: Map, progress: Progress) -> None:
+    """Solve the blocks of one tile; a function of its own so that one tile is gone before the next is read."""
+    blocks = [(tile + s, values[:, :, s : s + BLOCK]) for s in range(0, values.shape[2], BLOCK)]
+    for (start, part), answer in zip(blocks, over(job, blocks), strict=True):
+        where = slice(start, start + part.shape[2])
+        out.normals[where], out.albedo[where] = answer.normals, answer.albedo
+        out.uncertainty[where], out.flags[where] = answer.uncertainty, answer.flags
+        progress("solving pixels", where.stop, len(out.flags))
 
 
 def _conversion(
@@ -202,17 +211,17 @@ def _conversion(
     )
 
 
-def _pixel_weights(weights: FloatArray | None, capture: Capture, pixels: PixelSet) -> FloatArray | None:
+def _flat_weights(weights: FloatArray | None, capture: Capture) -> FloatArray | None:
     if weights is None:
         return None
     w = np.asarray(weights)
-    if w.shape != capture.stack.shape[:3] or not np.isfinite(w).all() or (w < 0).any():
+    if w.shape != capture.stack.shape[:3] or any(not np.isfinite(one).all() or (one < 0).any() for one in w):
         raise InputError(
             given=f"The weights have the shape {w.shape}.",
             needed=f"They must be {capture.stack.shape[:3]}, one an observation, finite and not negative.",
             remedy="Use zero for an observation that should be left out.",
         )
-    return np.asarray(w.reshape(len(w), -1)[:, pixels.indices], np.float64)
+    return w.reshape(len(w), -1)
 
 
 def _store(plan: MemoryPlan) -> SampleStore:

@@ -76,7 +76,9 @@ class LeastSquares(NormalSolver[RigFactor]):
 def _usable(values: FloatArray, weights: FloatArray | None) -> BoolArray | None:
     """Return which observations may be used, None for all; the others' values become zero."""
     usable = None
-    if not np.isfinite(values.sum()):
+    with np.errstate(invalid="ignore", over="ignore"):
+        total = values.sum()
+    if not np.isfinite(total):
         usable = np.isfinite(values)
     if weights is not None:
         usable = weights > 0 if usable is None else usable & (weights > 0)
@@ -164,7 +166,11 @@ class _Fit:
         w = kept[:, changed].astype(np.float64)
         if self.weights is not None:
             w *= self.weights[:, changed]
-        x, factor, singular = self._solve(w, w * self.values[:, changed])
+        # The product's array is free here; a fresh one for each block would not be counted in the memory plan.
+        weighted = self.product.reshape(-1)[: w.size].reshape(w.shape)
+        np.take(self.values, changed, axis=1, out=weighted, mode="clip")
+        weighted *= w
+        x, factor, singular = self._solve(w, weighted)
         self.w[:, changed], self.x[:, changed], self.singular[changed] = w, x, singular
         for whole, part in zip(self.factor, factor, strict=True):
             whole[changed] = part
@@ -198,9 +204,9 @@ class _Fit:
         flags = np.zeros(len(used), np.uint16)
         flags[used < 3] |= np.uint16(Flag.TOO_FEW_LIGHTS)
         flags[(used >= 3) & self.singular] |= np.uint16(Flag.RANK_DEFICIENT)
-        flags[dark] |= np.uint16(Flag.NO_SIGNAL)
         flags[used == 3] |= np.uint16(Flag.NO_REDUNDANCY)
-        available = len(self.values) if self.usable is None else _count(self.usable)
+        available = np.full(len(used), len(self.values)) if self.usable is None else _count(self.usable)
+        flags[dark & (available > 0)] |= np.uint16(Flag.NO_SIGNAL)  # a pixel that nobody looked at need not be black
         flags[available < len(self.values)] |= np.uint16(Flag.UNUSABLE_SAMPLE)
         flags[used < available] |= np.uint16(Flag.SHADOWED)
         return flags

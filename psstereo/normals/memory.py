@@ -14,8 +14,8 @@ __all__ = ["BLOCK", "MemoryPlan", "plan_memory"]
 BLOCK = 2048
 """Pixels solved at once: large enough to hide the interpreter, small enough for 96 lights to stay in the cache."""
 
-_BLOCK_ARRAYS = 4.5
-"""Working arrays of a block in float64, masks included; test_memory holds solvers to it."""
+_BLOCK_ARRAYS = 7.0
+"""Working arrays of a block in float64: masks, weights, refits included; test_memory holds solvers to it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,9 @@ class MemoryPlan:
     sample_bytes: int
 
 
-def plan_memory(stack: ImageStack, pixels: PixelSet, values: int, max_memory: int | None, workers: int) -> MemoryPlan:
+def plan_memory(
+    stack: ImageStack, pixels: PixelSet, values: int, max_memory: int | None, workers: int, *, undoing: int = 0
+) -> MemoryPlan:
     """Decide where the samples wait.
 
     Parameters
@@ -58,6 +60,8 @@ def plan_memory(stack: ImageStack, pixels: PixelSet, values: int, max_memory: in
         Bound for arrays; no bound if absent [byte].
     workers : int
         Images decoded, and blocks solved, at the same time.
+    undoing : int
+        What undoing a response or a dark level takes while an image is decoded [byte a channel of a pixel].
 
     Returns
     -------
@@ -73,12 +77,15 @@ def plan_memory(stack: ImageStack, pixels: PixelSet, values: int, max_memory: in
     dtype = sample_dtype(stack)
     count = len(pixels)
     total = values * m * count * dtype.itemsize
-    # Result: normals, albedo and uncertainty, once by pixel and once as image; indices; flags.
-    result = (count + h * w) * ((4 + values) * dtype.itemsize + 2) + 16 * count
+    # Normals, albedo, uncertainty and flags of a pixel; they become images when the working arrays are gone.
+    pixel = (4 + values) * dtype.itemsize + 2
+    result = count * (pixel + 16)
     box = (pixels.box[0].stop - pixels.box[0].start) * (pixels.box[1].stop - pixels.box[1].start)
-    decoding = workers * (h * w * c * (stack.dtype.itemsize + 1) + box * (c + values + 1) * dtype.itemsize)
+    decoding = workers * (
+        h * w * c * (stack.dtype.itemsize + 1) + box * ((c + values + 1) * dtype.itemsize + c * undoing)
+    )
     solving = int(workers * m * BLOCK * 8 * _BLOCK_ARRAYS)
-    fixed = result + max(decoding, solving)
+    fixed = result + max(decoding, solving, h * w * pixel)
     whole = MemoryPlan(
         shape=(values, m, count), dtype=dtype, in_memory=True, tile=-(-count // BLOCK) * BLOCK, sample_bytes=total
     )

@@ -83,6 +83,8 @@ def _colours(image: Array, path: Path) -> Array:
             needed="An image has one or three channels of 8 or 16 bit integers or of floats.",
             remedy="Convert it to PNG, TIFF or EXR.",
         )
+    if not image.dtype.isnative:
+        image = image.astype(image.dtype.newbyteorder("="))
     if image.dtype not in (np.uint8, np.uint16, np.float32, np.float64):
         image = image.astype(np.float64 if image.dtype.kind == "u" else np.float32)
     return image[..., : 3 if image.shape[2] >= 3 else 1]

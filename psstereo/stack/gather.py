@@ -166,12 +166,20 @@ class _ImageJob:
         np.copyto(linear, self._linear(frame), casting="same_kind")
         out = self.scratch.array("combined", (*frame.shape[:2], len(factors)), dtype)
         cv2.transform(linear, np.ascontiguousarray(factors, dtype), dst=out)
+        if linear.shape[2] > 1 and frame.dtype.kind == "f" and not (factors.all() or np.isfinite(linear).all()):
+            # 0 · NaN is NaN, but a channel that is not used cannot spoil the others
+            for k, row in enumerate(factors.astype(dtype)):
+                out[..., k] = linear[..., row != 0] @ row[row != 0]
         return out
 
     def _linear(self, frame: Array) -> Array:
         how = self.conversion
         linear = frame if how.response.is_linear else how.response.linearise(frame, self.stack.white)
-        return linear if how.dark is None else linear - how.dark[self.pixels.box]
+        if how.dark is None:
+            return linear
+        dark = how.dark[self.pixels.box]
+        # never in integers: below the dark level they would wrap round
+        return np.asarray(np.subtract(linear, dark, dtype=np.result_type(linear, dark, np.float32)))
 
 
 def _drop_outside(

@@ -74,8 +74,15 @@ def gray_weights(choice: str | Sequence[float], channels: int) -> GrayWeights:
                 needed=f"Known are {', '.join(GRAY)}, {PER_CHANNEL}, or one weight a channel such as 0.3,0.6,0.1.",
                 remedy="Choose one of them.",
             )
-        weights = np.ones(1) if channels == 1 else np.array(GRAY[choice])
-        return GrayWeights(choice, weights[None])
+        if choice == "mean" or channels == 1:
+            return GrayWeights(choice, np.full((1, channels), 1 / channels))
+        if channels != 3:
+            raise OptionError(
+                given=f"The gray value {choice!r} is for R, G, B; the images have {channels} channels.",
+                needed=f"Without R, G, B choose mean, {PER_CHANNEL}, or one weight a channel.",
+                remedy="Choose one of them.",
+            )
+        return GrayWeights(choice, np.array([GRAY[choice]]))
     weights = np.asarray(choice, np.float64)
     if weights.shape != (channels,) or not np.isfinite(weights).all() or not weights.any():
         raise OptionError(

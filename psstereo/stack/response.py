@@ -1,6 +1,7 @@
 """The camera's response, which must be undone before pixel values are proportional to radiance."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -54,15 +55,22 @@ class Response:
             Linear values.
         """
         if values.dtype.kind == "u":
-            table = np.arange(np.iinfo(values.dtype).max + 1, dtype=np.float64)
-            return (self._curve(table / white) * white).astype(np.float32)[values]
-        return (self._curve(values / white) * white).astype(values.dtype)
+            return _table(self, int(np.iinfo(values.dtype).max), white)[values]
+        return (self.curve(values / white) * white).astype(values.dtype)
 
-    def _curve(self, v: FloatArray) -> FloatArray:
+    def curve(self, v: FloatArray) -> FloatArray:
+        """Return light, as a share of full scale, for values as shares of full scale [1]."""
         v = np.maximum(v, 0.0)
         if self.name == "srgb":
             return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
         return np.asarray(v**self.exponent)
+
+
+@lru_cache(maxsize=4)
+def _table(response: Response, top: int, white: float) -> FloatArray:
+    """Return light for every integer value; the same for all images of a stack."""
+    table = response.curve(np.arange(top + 1, dtype=np.float64) / white) * white
+    return np.asarray(table, np.float32)
 
 
 LINEAR = Response()

@@ -1,0 +1,147 @@
+"""The bound on memory, measured rather than predicted."""
+
+import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from psstereo.capture import Capture
+from psstereo.errors import InputError
+from psstereo.lights import Rig
+from psstereo.normals import estimate_normals
+from psstereo.normals.memory import BLOCK, plan_memory
+from psstereo.stack import ImageStack, MemoryStack, PixelSet, Response
+from psstereo_synth import hills, spiral
+
+HEIGHT, WIDTH, LIGHTS = 512, 612, 96
+
+
+class Sun(ImageStack):
+    """Frames that are made when they are asked for, as a decoder would."""
+
+    def __init__(self, surface, directions, dtype=np.uint16, channels=1):
+        self.normals = surface.normals.astype(np.float32)
+        self.directions = directions.astype(np.float32)
+        self.shape = (len(directions), *surface.mask.shape, channels)
+        self.dtype = np.dtype(dtype)
+        self.white = 65535.0 if dtype is np.uint16 else 1.0
+        self.saturates = dtype is np.uint16
+        self.names = tuple(f"{i}" for i in range(len(directions)))
+
+    def frame(self, index):
+        frame = np.zeros(self.shape[1:], self.dtype)
+        for row in range(0, self.shape[1], 32):
+            shade = np.maximum(self.normals[row : row + 32] @ self.directions[index], 0)
+            frame[row : row + 32] = (shade * (0.8 * self.white))[..., None].astype(self.dtype)
+        return frame
+
+
+@pytest.fixture(scope="module")
+def surface():
+    return hills(WIDTH, HEIGHT, steepness=1.0)
+
+
+def capture_of(surface, channels=1, **options):
+    directions = spiral(LIGHTS)
+    return Capture(
+        stack=Sun(surface, directions, channels=channels), rig=Rig.distant(directions), mask=surface.mask, **options
+    )
+
+
+def peak(capture, **options):
+    """Result and largest memory that Python and NumPy held beyond what they held before."""
+    workers = options.get("workers", 1)
+    estimate_normals(small(), workers=workers)  # imports and their caches
+    with ThreadPoolExecutor(workers) as pool:
+        tracemalloc.start()
+        try:
+            result = estimate_normals(capture, over=pool.map if workers > 1 else map, **options)
+            return result, tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+
+def small():
+    return Capture(stack=MemoryStack(np.ones((4, 3, 3), np.uint16) * 99), rig=Rig.distant(spiral(4)))
+
+
+@pytest.fixture(scope="module")
+def unbounded(surface):
+    return peak(capture_of(surface))
+
+
+def same(first, second):
+    return all(
+        getattr(first, name).tobytes() == getattr(second, name).tobytes()
+        for name in ("normals", "albedo", "uncertainty", "flags")
+    )
+
+
+def test_thirty_megabytes_are_thirty_megabytes(surface, unbounded):
+    expected, _ = unbounded
+    result, held = peak(capture_of(surface), max_memory=30_000_000, workers=2)
+    assert result.facts["samples_in"] == "temporary file"
+    assert held < 30_000_000
+    assert same(result, expected)
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+@pytest.mark.parametrize("megabytes", [50, 60])
+def test_larger_tiles_keep_to_their_bound_too(surface, unbounded, megabytes, workers):
+    result, held = peak(capture_of(surface), max_memory=megabytes * 1_000_000, workers=workers)
+    assert result.facts["samples_in"] == "temporary file"
+    assert held < megabytes * 1_000_000
+    assert same(result, unbounded[0])
+
+
+def test_without_a_bound_it_is_the_samples_and_little_more(surface, unbounded):
+    result, held = unbounded
+    assert result.facts["samples_in"] == "memory"
+    samples = LIGHTS * int(surface.mask.sum()) * 4
+    assert result.facts["sample_bytes"] == samples
+    assert held < 1.5 * samples
+
+
+@pytest.mark.parametrize("extra", ["dark", "response", "colour", "weights"])
+def test_the_bound_holds_with_everything_on(surface, extra):
+    limit = 60_000_000
+    dark = np.full((HEIGHT, WIDTH, 1), 3.0) if extra == "dark" else None
+    response = Response("srgb") if extra == "response" else Response()
+    channels = 3 if extra == "colour" else 1
+    weights = np.broadcast_to(np.float32(1.0), (LIGHTS, HEIGHT, WIDTH)).copy() if extra == "weights" else None
+    capture = capture_of(surface, channels, dark=dark, response=response)
+    options = {"gray": "per-channel"} if extra == "colour" else {"weights": weights}
+    result, held = peak(capture, max_memory=limit, workers=2, **options)
+    assert result.facts["samples_in"] == "temporary file"
+    assert held < limit
+
+
+def test_a_bound_that_cannot_be_met_is_refused(surface):
+    with pytest.raises(InputError, match="memory limit is 5 MB") as caught:
+        estimate_normals(capture_of(surface), max_memory=5_000_000)
+    assert "612 × 512 pixels under 96 lights take" in caught.value.needed
+
+
+def test_the_least_that_is_asked_for_is_enough(surface):
+    """The figure in the refusal, given as the bound, is accepted; a megabyte less is not."""
+    stack, pixels = capture_of(surface).stack, PixelSet.from_mask(surface.mask)
+    with pytest.raises(InputError) as caught:
+        plan_memory(stack, pixels, 1, 1, 1)
+    megabytes = int(caught.value.needed.split(" take ")[1].split()[0])
+    assert plan_memory(stack, pixels, 1, (megabytes + 1) * 1_000_000, 1).tile >= BLOCK
+    with pytest.raises(InputError):
+        plan_memory(stack, pixels, 1, (megabytes - 1) * 1_000_000, 1)
+
+
+def test_more_memory_means_larger_tiles_of_whole_blocks(surface):
+    stack, pixels = capture_of(surface).stack, PixelSet.from_mask(surface.mask)
+    tiles = []
+    for limit in (25_000_000, 40_000_000, 60_000_000):
+        plan = plan_memory(stack, pixels, 1, limit, 1)
+        assert not plan.in_memory
+        assert plan.tile % BLOCK == 0
+        tiles.append(plan.tile)
+    assert tiles == sorted(set(tiles))
+    assert plan_memory(stack, pixels, 1, 10**9, 1).in_memory
+    assert plan_memory(stack, pixels, 1, None, 1).in_memory
