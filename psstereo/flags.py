@@ -11,7 +11,7 @@ import numpy as np
 
 from psstereo.types import BoolArray, FlagArray
 
-__all__ = ["FLAGS", "Flag", "FlagInfo", "count_flags", "describe_flags", "fatal_mask"]
+__all__ = ["FATAL", "FLAGS", "Flag", "FlagInfo", "count_flags", "describe_flags", "fatal_mask"]
 
 
 class Flag(IntFlag):
@@ -80,6 +80,9 @@ FLAGS: tuple[FlagInfo, ...] = (
 )
 """The table of all flags."""
 
+FATAL = np.uint16(sum(int(info.flag) for info in FLAGS if info.fatal))
+"""All fatal bits."""
+
 
 def fatal_mask(flags: FlagArray) -> BoolArray:
     """Return where a flag says that there is no normal.
@@ -94,8 +97,7 @@ def fatal_mask(flags: FlagArray) -> BoolArray:
     bool array of the same shape
         True where a fatal bit is set.
     """
-    bits = np.uint16(sum(int(info.flag) for info in FLAGS if info.fatal))
-    return np.asarray((flags & bits) != 0)
+    return np.asarray((flags & FATAL) != 0)
 
 
 def count_flags(flags: FlagArray) -> dict[str, int]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from psstereo.flags import Flag, fatal_mask
 from psstereo.lights import Rig
-from psstereo.normals.moments import Factor, RigFactor, angular_spread, cholesky, identity, solve_cholesky
+from psstereo.normals.moments import Factor, RigFactor, angular_spread, cholesky, solve_cholesky
 from psstereo.normals.solver import NormalSolver, PixelNormals, Samples
 from psstereo.types import BoolArray, FlagArray, FloatArray
 
@@ -58,7 +58,7 @@ class LeastSquares(NormalSolver[RigFactor]):
         usable = _usable(values, samples.weights)
         brightest = values.max(axis=0)
         if not self.gate.shadow:
-            return _Fit(state, values, samples.weights, usable, usable).result(dark=~(brightest > 0))
+            return _Fit(state, values, samples.weights, usable, usable).result(brightest)
         kept = np.greater(values, _DARK * brightest, out=state.scratch.array("kept", values.shape, np.bool_))
         if usable is not None:
             kept &= usable
@@ -67,10 +67,10 @@ class LeastSquares(NormalSolver[RigFactor]):
         poor = np.flatnonzero(fit.singular)
         if len(poor):
             # Dim is not dark: three usable observations of any brightness beat none.
-            wider = fit.kept.copy()
+            wider = kept if fit.kept is None else fit.kept.copy()
             wider[:, poor] = values[:, poor] > 0
             fit.keep(wider)
-        return fit.result(dark=~(brightest > 0))
+        return fit.result(brightest)
 
 
 def _usable(values: FloatArray, weights: FloatArray | None) -> BoolArray | None:
@@ -90,14 +90,15 @@ def _usable(values: FloatArray, weights: FloatArray | None) -> BoolArray | None:
 def _lit_by_model(fit: "_Fit") -> BoolArray:
     """Return the observations that are lit according to a first fit, or its own where they would be too few."""
     lit: BoolArray = fit.rig.scratch.array("lit", fit.values.shape, np.bool_)
-    smaller = np.minimum(fit.predicted, fit.values, out=fit.product)
     with np.errstate(invalid="ignore"):
-        np.greater(smaller, _DARK * fit.albedo(), out=lit)
+        threshold = _DARK * fit.albedo()
+        np.greater(fit.values, threshold, out=lit)
+        lit &= np.greater(fit.predicted, threshold, out=fit.rig.scratch.array("front", lit.shape, np.bool_))
     if fit.usable is not None:
         lit &= fit.usable
     few = np.flatnonzero(_count(lit) < 3)
     if len(few):
-        lit[:, few] = fit.kept[:, few]
+        lit[:, few] = True if fit.kept is None else fit.kept[:, few]
     return lit
 
 
@@ -134,26 +135,25 @@ class _Fit:
         self.values = values
         self.weights = weights
         self.usable = usable
-        self.product: FloatArray = rig.scratch.array("product", values.shape, np.float64)
+        self.kept = kept
         self.w: FloatArray | None = None
-        self.kept: BoolArray = np.ones(values.shape, np.bool_) if kept is None else kept
+        self.factor: Factor | None = None
         if weights is None and (kept is None or kept.all()):
             # Nothing is left out: the columns of Q are orthonormal and A is the identity.
             self.x: FloatArray = rig.q.T @ values
-            self.factor, self.singular = identity(values.shape[1])
+            self.singular: BoolArray = np.zeros(values.shape[1], np.bool_)
         else:
-            self.w = self._weigh()
-            self.x, self.factor, self.singular = self._solve(self.w, np.multiply(self.w, values, out=self.product))
-        predicted = rig.scratch.array("predicted", values.shape, np.float64)
+            self._solve_all()
+        predicted = rig.scratch.array("product", values.shape, np.float64)  # the product was used up above
         self.predicted: FloatArray = np.matmul(rig.q, self.x, out=predicted)
 
-    def _weigh(self) -> FloatArray:
-        """Return the weights of the kept observations, zero for the others."""
-        w: FloatArray = self.rig.scratch.array("w", self.values.shape, np.float64)
-        np.copyto(w, self.kept)
+    def _solve_all(self) -> None:
+        self.w = self.rig.scratch.array("w", self.values.shape, np.float64)
+        self.w[:] = 1.0 if self.kept is None else self.kept
         if self.weights is not None:
-            w *= self.weights
-        return w
+            self.w *= self.weights
+        product = self.rig.scratch.array("product", self.values.shape, np.float64)
+        self.x, self.factor, self.singular = self._solve(self.w, np.multiply(self.w, self.values, out=product))
 
     def keep(self, kept: BoolArray) -> None:
         """Take other observations, and fit those pixels again to which this makes a difference."""
@@ -161,17 +161,17 @@ class _Fit:
         self.kept = kept
         if len(changed) == 0:
             return
-        if self.w is None:
-            self.w = self._weigh()
+        if self.factor is None or 2 * len(changed) > len(self.singular):
+            self._solve_all()
+            np.matmul(self.rig.q, self.x, out=self.predicted)
+            return
         w = kept[:, changed].astype(np.float64)
         if self.weights is not None:
             w *= self.weights[:, changed]
-        # The product's array is free here; a fresh one for each block would not be counted in the memory plan.
-        weighted = self.product.reshape(-1)[: w.size].reshape(w.shape)
-        np.take(self.values, changed, axis=1, out=weighted, mode="clip")
-        weighted *= w
-        x, factor, singular = self._solve(w, weighted)
-        self.w[:, changed], self.x[:, changed], self.singular[changed] = w, x, singular
+        x, factor, singular = self._solve(w, w * self.values[:, changed])
+        self.x[:, changed], self.singular[changed] = x, singular
+        if self.w is not None:
+            self.w[:, changed] = w
         for whole, part in zip(self.factor, factor, strict=True):
             whole[changed] = part
         self.predicted[:, changed] = self.rig.q @ x
@@ -183,32 +183,41 @@ class _Fit:
     def albedo(self) -> FloatArray:
         """Return the lengths of the scaled normals, (p,)."""
         b = self.rig.r_inverse @ self.x
-        return np.asarray(np.sqrt((b * b).sum(axis=0)))
+        b *= b
+        return np.asarray(np.sqrt(b.sum(axis=0)))
 
-    def result(self, *, dark: BoolArray) -> PixelNormals:
+    def result(self, brightest: FloatArray) -> PixelNormals:
         """Correct the fits by one step, and tell normals, spread and flags."""
         residual = np.subtract(self.values, self.predicted, out=self.predicted)
-        weighted = residual if self.w is None else np.multiply(self.w, residual, out=self.product)
-        squares = np.einsum("mp,mp->p", weighted, residual)
-        self.x += solve_cholesky(self.factor, self.rig.q.T @ weighted)
+        if self.w is None or self.factor is None:  # x is exact to rounding as it is
+            squares = np.einsum("mp,mp->p", residual, residual)
+        else:
+            weighted = np.multiply(self.w, residual, out=self.w)
+            squares = np.einsum("mp,mp->p", weighted, residual)
+            self.x += solve_cholesky(self.factor, self.rig.q.T @ weighted)
         scaled: FloatArray = self.rig.r_inverse @ self.x
         albedo = self.albedo()
-        used = _count(self.kept)
-        flags = self._flags(used, dark)
-        fatal = fatal_mask(flags)
-        flags[~fatal & ~(np.isfinite(albedo) & (albedo > 0))] |= np.uint16(Flag.NOT_FINITE)
+        used = np.full(len(albedo), len(self.values), np.uint16) if self.kept is None else _count(self.kept)
+        flags = self._flags(used, ~(brightest > 0))
+        lost = fatal_mask(flags)
+        flags[~lost & ~((albedo > 0) & (albedo < np.inf))] |= np.uint16(Flag.NOT_FINITE)
         scaled[:, fatal_mask(flags)] = np.nan
         return PixelNormals(scaled.T, self._uncertainty(scaled, albedo, squares, used), flags, used)
 
     def _flags(self, used: FlagArray, dark: BoolArray) -> FlagArray:
         flags = np.zeros(len(used), np.uint16)
-        flags[used < 3] |= np.uint16(Flag.TOO_FEW_LIGHTS)
-        flags[(used >= 3) & self.singular] |= np.uint16(Flag.RANK_DEFICIENT)
-        flags[used == 3] |= np.uint16(Flag.NO_REDUNDANCY)
-        available = np.full(len(used), len(self.values)) if self.usable is None else _count(self.usable)
-        flags[dark & (available > 0)] |= np.uint16(Flag.NO_SIGNAL)  # a pixel that nobody looked at need not be black
-        flags[available < len(self.values)] |= np.uint16(Flag.UNUSABLE_SAMPLE)
-        flags[used < available] |= np.uint16(Flag.SHADOWED)
+        count = len(self.values)
+        available = np.full(len(used), count, np.uint16) if self.usable is None else _count(self.usable)
+        marks = (
+            (used < 3, Flag.TOO_FEW_LIGHTS),
+            (self.singular & (used >= 3), Flag.RANK_DEFICIENT),
+            (used == 3, Flag.NO_REDUNDANCY),
+            (dark & (available > 0), Flag.NO_SIGNAL),  # a pixel that nobody looked at need not be black
+            (available < count, Flag.UNUSABLE_SAMPLE),
+            (used < available, Flag.SHADOWED),
+        )
+        for where, flag in marks:
+            np.bitwise_or(flags, np.uint16(flag), out=flags, where=where)
         return flags
 
     def _uncertainty(self, scaled: FloatArray, albedo: FloatArray, squares: FloatArray, used: FlagArray) -> FloatArray:

@@ -23,7 +23,7 @@ from psstereo.lights import Rig
 from psstereo.scratch import Scratch
 from psstereo.types import BoolArray, FloatArray
 
-__all__ = ["Factor", "RigFactor", "angular_spread", "cholesky", "identity", "solve_cholesky"]
+__all__ = ["Factor", "RigFactor", "angular_spread", "cholesky", "solve_cholesky"]
 
 _SINGULAR = 1e-10
 """Pivot over trace below which a pixel's lights count as coplanar: 1e-5 of the rig's own spread, squared."""
@@ -100,12 +100,6 @@ def cholesky(a: FloatArray) -> tuple[Factor, BoolArray]:
     return (l11, l21, l22, l31, l32, l33), ~np.isfinite(l33)
 
 
-def identity(count: int) -> tuple[Factor, BoolArray]:
-    """Return the factors of `count` unit matrices, as :func:`cholesky` does."""
-    ones, zeros = np.ones((3, count)), np.zeros((3, count))
-    return (ones[0], zeros[0], ones[1], zeros[1], zeros[2], ones[2]), np.zeros(count, np.bool_)
-
-
 def solve_cholesky(factor: Factor, rhs: FloatArray) -> FloatArray:
     """Return x, (3, p), with G Gᵀ x = rhs; NaN where the factor is."""
     l11, l21, l22, l31, l32, l33 = factor
@@ -118,7 +112,7 @@ def solve_cholesky(factor: Factor, rhs: FloatArray) -> FloatArray:
     return np.stack([x1, x2, x3])
 
 
-def angular_spread(r_inverse: FloatArray, factor: Factor, normals: FloatArray) -> FloatArray:
+def angular_spread(r_inverse: FloatArray, factor: Factor | None, normals: FloatArray) -> FloatArray:
     """Return the root-mean-square angle of a normal's error per unit of relative noise.
 
     For white noise of standard deviation σ the covariance of b is σ² (LᵀWL)⁻¹ = σ² M Mᵀ with M = R⁻¹ G⁻ᵀ; its part
@@ -129,8 +123,8 @@ def angular_spread(r_inverse: FloatArray, factor: Factor, normals: FloatArray) -
     ----------
     r_inverse : float64 array (3, 3)
         R⁻¹ of the rig.
-    factor : Factor
-        Cholesky factors G of the pixels' matrices.
+    factor : Factor or None
+        Cholesky factors G of the pixels' matrices, None where all are the identity.
     normals : float64 array (3, p)
         Unit normals.
 
@@ -139,16 +133,20 @@ def angular_spread(r_inverse: FloatArray, factor: Factor, normals: FloatArray) -
     float64 array (p,)
         Angle for σ equal to the albedo [rad].
     """
+    m = np.broadcast_to(r_inverse[:, :, None], (3, 3, 1)) if factor is None else _spread_matrix(r_inverse, factor)
+    along = (m * normals[:, None]).sum(axis=0)
+    across = m - normals[:, None] * along  # subtract the vectors, not their squares: no cancellation
+    across *= across
+    return np.asarray(np.sqrt(across.sum(axis=(0, 1))))
+
+
+def _spread_matrix(r_inverse: FloatArray, factor: Factor) -> FloatArray:
+    """Return M = R⁻¹ G⁻ᵀ of every pixel, (3, 3, p)."""
     l11, l21, l22, l31, l32, l33 = factor
-    zero = np.zeros_like(l11)
+    inverse = np.zeros((3, 3, len(l11)))  # the entry j, k is the entry k, j of G⁻¹
     g11, g22, g33 = 1 / l11, 1 / l22, 1 / l33
-    g21 = -l21 * g11 * g22
-    g32 = -l32 * g22 * g33
-    g31 = (l21 * l32 * g22 - l31) * g11 * g33
-    total = np.zeros_like(l11)
-    for row in ((g11, zero, zero), (g21, g22, zero), (g31, g32, g33)):
-        column = r_inverse @ np.stack(row)  # one column of M = R⁻¹ G⁻ᵀ
-        along = (column * normals).sum(axis=0)
-        across = column - along * normals  # subtract the vector, not the squares: no cancellation
-        total += (across * across).sum(axis=0)
-    return np.sqrt(total)
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = g11, g22, g33
+    inverse[0, 1] = -l21 * g11 * g22
+    inverse[1, 2] = -l32 * g22 * g33
+    inverse[0, 2] = (l21 * l32 * g22 - l31) * g11 * g33
+    return (r_inverse @ inverse.reshape(3, -1)).reshape(inverse.shape)

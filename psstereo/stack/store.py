@@ -26,6 +26,10 @@ class SampleStore(ABC):
     shape: tuple[int, int, int]
 
     @abstractmethod
+    def rows(self, image: int) -> FloatArray | None:
+        """Return the place of one image's samples (k, p), to be filled; None if :meth:`write` has to be used."""
+
+    @abstractmethod
     def write(self, image: int, samples: FloatArray) -> None:
         """Put the samples (k, p) of one image; safe from several threads at once."""
 
@@ -57,6 +61,10 @@ class MemoryStore(SampleStore):
     def __init__(self, shape: tuple[int, int, int], dtype: np.dtype[Any]) -> None:
         self.shape = shape
         self._values: FloatArray = np.zeros(shape, dtype)
+
+    def rows(self, image: int) -> FloatArray | None:
+        """Return a view; see :meth:`SampleStore.rows`."""
+        return self._values[:, image]
 
     def write(self, image: int, samples: FloatArray) -> None:
         """Copy the samples into their rows; see :meth:`SampleStore.write`."""
@@ -99,6 +107,11 @@ class SpillStore(SampleStore):
 
     def _offset(self, value: int, image: int, pixel: int) -> int:
         return ((value * self.shape[1] + image) * self.shape[2] + pixel) * self._dtype.itemsize
+
+    def rows(self, image: int) -> FloatArray | None:
+        """Return None: the samples go through :meth:`write`."""
+        del image
+        return None
 
     def write(self, image: int, samples: FloatArray) -> None:
         """Write the samples to their rows in the file; see :meth:`SampleStore.write`."""

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from psstereo.lights import Rig
-from psstereo.normals.moments import RigFactor, angular_spread, cholesky, identity, solve_cholesky
+from psstereo.normals.moments import RigFactor, angular_spread, cholesky, solve_cholesky
 from psstereo_synth import spiral
 
 
@@ -51,11 +51,15 @@ def test_singular_matrices_are_told(rank):
     assert np.isnan(solve_cholesky(factor, np.ones((3, 50)))).all()
 
 
-def test_the_identity_is_its_own_factor():
-    factor, singular = identity(4)
-    rhs = np.arange(12.0).reshape(3, 4)
-    np.testing.assert_array_equal(solve_cholesky(factor, rhs), rhs)
-    assert not singular.any()
+def test_no_factor_means_the_identity():
+    rng = np.random.default_rng(5)
+    normals = rng.normal(size=(3, 4))
+    normals /= np.linalg.norm(normals, axis=0)
+    r_inverse = np.triu(rng.normal(size=(3, 3)))
+    ones, zeros = np.ones(4), np.zeros(4)
+    identity = (ones, zeros, ones, zeros, zeros, ones)
+    found = angular_spread(r_inverse, None, normals)
+    np.testing.assert_allclose(found, angular_spread(r_inverse, identity, normals), rtol=1e-14)
 
 
 def test_angular_spread_is_the_trace_across_the_normal():
