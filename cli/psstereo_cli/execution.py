@@ -1,6 +1,7 @@
 """How the work is executed: threads, and sizes of memory as people write them."""
 
 import os
+import platform
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,7 +9,10 @@ from contextlib import contextmanager
 from psstereo.errors import OptionError
 from psstereo.types import Map
 
-__all__ = ["available_threads", "parse_floats", "parse_size", "threaded"]
+__all__ = ["available_threads", "keep_freed_memory", "parse_floats", "parse_size", "threaded"]
+
+_KEPT = 2**25
+"""Largest piece of memory that is kept, glibc's own upper bound [byte]."""
 
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "ki": 2**10, "mi": 2**20, "gi": 2**30}
 
@@ -18,6 +22,23 @@ def available_threads() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def keep_freed_memory() -> None:
+    """Ask the C library to keep freed memory of the size of an image for the next one.
+
+    By default glibc returns it to the system after each image and fetches it back, zeroed page by page, for the next,
+    which takes as long as a tenth of the decoding. The command owns its process and may decide this; the library may
+    not. Other C libraries are left as they are.
+    """
+    if platform.libc_ver()[0] != "glibc":
+        return
+    import ctypes
+
+    trim_threshold, mmap_threshold = -1, -3  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD of malloc.h
+    libc = ctypes.CDLL(None)
+    libc.mallopt(mmap_threshold, _KEPT)
+    libc.mallopt(trim_threshold, 4 * _KEPT)
 
 
 @contextmanager

@@ -50,9 +50,10 @@ def reconstruct(
     """
     from psstereo.io.atomic import require_free
     from psstereo_cli.console import progress_bars
-    from psstereo_cli.execution import available_threads, parse_size, threaded
+    from psstereo_cli.execution import available_threads, keep_freed_memory, parse_size, threaded
     from psstereo_cli.loading import load_capture
 
+    keep_freed_memory()
     require_free(out, overwrite=overwrite)  # told before the work, not after it
     count = threads or available_threads()
     memory = parse_size(max_memory)
