@@ -117,6 +117,10 @@ def estimate_normals(
     return _assemble(answer, pixels, capture, facts, seconds)
 
 
+_GROUP = 8
+"""Blocks that an executor gets at once; one at a time, threads would wait for each other more than they work."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Answer:
     """Values of all pixels under the mask: normals (p, 3), albedo (p, c), uncertainty (p,), flags (p,)."""
@@ -136,6 +140,10 @@ class _BlockJob:
     weights: FloatArray | None  # (m, h · w); a block's are picked when it is solved, so that they are not held twice
     indices: IntArray
     channels: int
+
+    def solve_group(self, blocks: list[tuple[int, FloatArray]]) -> list[_Answer]:
+        """Solve some blocks one after the other."""
+        return [self(block) for block in blocks]
 
     def __call__(self, block: tuple[int, FloatArray]) -> _Answer:
         start, values = block
@@ -174,10 +182,12 @@ def _solve_blocks(job: _BlockJob, store: SampleStore, plan: MemoryPlan, over: Ma
 def _solve_tile(job: _BlockJob, tile: int, values: FloatArray, out: _Answer, *, over: Map, progress: Progress) -> None:
     """Solve the blocks of one tile; a function of its own so that one tile is gone before the next is read."""
     blocks = [(tile + s, values[:, :, s : s + BLOCK]) for s in range(0, values.shape[2], BLOCK)]
-    for (start, part), answer in zip(blocks, over(job, blocks), strict=True):
-        where = slice(start, start + part.shape[2])
-        out.normals[where], out.albedo[where] = answer.normals, answer.albedo
-        out.uncertainty[where], out.flags[where] = answer.uncertainty, answer.flags
+    groups = [blocks[i : i + _GROUP] for i in range(0, len(blocks), _GROUP)]
+    for group, answers in zip(groups, over(job.solve_group, groups), strict=True):
+        for (start, part), answer in zip(group, answers, strict=True):
+            where = slice(start, start + part.shape[2])
+            out.normals[where], out.albedo[where] = answer.normals, answer.albedo
+            out.uncertainty[where], out.flags[where] = answer.uncertainty, answer.flags
         progress("solving pixels", where.stop, len(out.flags))
 
 
