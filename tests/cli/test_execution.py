@@ -36,3 +36,12 @@ def test_glibc_accepts_what_it_is_asked(monkeypatch):
 def test_nonsense_sizes_are_refused(text):
     with pytest.raises(OptionError, match="memory limit"):
         parse_size(text)
+
+
+def test_little_memory_takes_two_threads_unless_told(run, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("psstereo_cli.execution.available_threads", lambda: 64)
+    words = ("reconstruct", folder, "--normals-only", "--max-memory", "30MB")
+    assert run(*words, "-o", tmp_path / "two").code == 0
+    refused = run(*words, "-o", tmp_path / "many", "--threads", "64")
+    assert refused.code == 3
+    assert "fewer threads" in refused.text

@@ -39,7 +39,10 @@ def reconstruct(
     threads: Threads = None,
     max_memory: Annotated[
         str | None,
-        typer.Option(help="Bound for the arrays of the normals, such as 500MB; samples then wait in a temporary file."),
+        typer.Option(
+            help="Bound for the arrays of the normals, such as 500MB; samples then wait in a temporary file, and two"
+            " threads are used unless told otherwise."
+        ),
     ] = None,
     overwrite: Overwrite = False,
     as_json: Json = False,
@@ -55,8 +58,9 @@ def reconstruct(
 
     keep_freed_memory()
     require_free(out, overwrite=overwrite)  # told before the work, not after it
-    count = threads or available_threads()
     memory = parse_size(max_memory)
+    # Every thread needs room of its own; where that is short, two are enough unless more are asked for.
+    count = threads or (available_threads() if memory is None else min(2, available_threads()))
     options = _options(gray, clip, gate, valid_range, solver, integrator, memory, count, normals_only=normals_only)
     with threaded(count) as over, progress_bars() as progress:
         capture, _ = load_capture(
