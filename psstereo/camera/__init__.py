@@ -4,5 +4,6 @@ from psstereo.camera.camera import Camera
 from psstereo.camera.catalogue import CAMERAS
 from psstereo.camera.orthographic import Orthographic
 from psstereo.camera.pinhole import Pinhole
+from psstereo.camera.pose import Pose
 
-__all__ = ["CAMERAS", "Camera", "Orthographic", "Pinhole"]
+__all__ = ["CAMERAS", "Camera", "Orthographic", "Pinhole", "Pose"]

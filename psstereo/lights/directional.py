@@ -1,11 +1,13 @@
 """A light so far away that its direction and strength are the same everywhere."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from psstereo.lights.light import Light
+from psstereo.lights.beam import Beam
+from psstereo.lights.light import Distant
 from psstereo.lights.vectors import strengths, unit_vector
 from psstereo.types import FloatArray
 
@@ -13,7 +15,7 @@ __all__ = ["Directional"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Directional(Light):
+class Directional(Distant):
     """A distant light: one direction, one strength a channel.
 
     Use :class:`~psstereo.lights.led.Led` for a lamp whose distance is less than about fifty times the object's size:
@@ -28,7 +30,6 @@ class Directional(Light):
     """
 
     name: ClassVar[str] = "directional"
-    distant: ClassVar[bool] = True
     direction: FloatArray
     strength: FloatArray
 
@@ -56,12 +57,22 @@ class Directional(Light):
         """
         return cls(direction=direction, strength=np.array([radiance * solid_angle]))
 
-    def directions(self, points: FloatArray) -> FloatArray:
-        """Return the one direction for every point; see :meth:`Light.directions`."""
-        return np.broadcast_to(self.direction, np.shape(points))
-
     def irradiance(self, points: FloatArray, normals: FloatArray) -> FloatArray:
         """Return strength · max(0, n·l); see :meth:`Light.irradiance`."""
         del points  # a distant light looks the same from everywhere
         cosine = np.maximum(np.asarray(normals, np.float64) @ self.direction, 0.0)
         return np.asarray(cosine[..., None] * self.strength)
+
+    def beams(self, points: FloatArray, count: int) -> Iterator[Beam]:
+        """Yield the one beam; see :meth:`Light.beams`."""
+        del points, count
+        yield Beam(directions=self.direction, irradiance=self.strength)
+
+    def moved(self, rotation: FloatArray, translation: FloatArray) -> "Directional":
+        """Turn the direction; see :meth:`Light.moved`."""
+        del translation  # nothing is far enough from here to matter
+        return Directional(direction=rotation @ self.direction, strength=self.strength)
+
+    def idealised(self) -> "Directional":
+        """Return the light itself; see :meth:`Light.idealised`."""
+        return self

@@ -1,11 +1,13 @@
 """A lamp at a finite distance, with the emission lobe of an LED."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from psstereo.errors import RigError
+from psstereo.lights.beam import Beam
 from psstereo.lights.light import Light
 from psstereo.lights.vectors import strengths, unit_vector
 from psstereo.types import FloatArray
@@ -38,7 +40,7 @@ class Led(Light):
     """
 
     name: ClassVar[str] = "led"
-    distant: ClassVar[bool] = False
+    positional: ClassVar[bool] = True
     position: FloatArray
     axis: FloatArray
     mu: float
@@ -58,18 +60,42 @@ class Led(Light):
         object.__setattr__(self, "flux", strengths(self.flux, "lamp flux"))
 
     def _offset(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the unit vectors from points to the lamp and the distances."""
+        """Return the unit vectors from points to the lamp and the distances, NaN at the lamp itself."""
         to_lamp = self.position - np.asarray(points, np.float64)
         distance = np.sqrt((to_lamp * to_lamp).sum(axis=-1, keepdims=True))
-        return to_lamp / np.where(distance > 0, distance, np.nan), distance
+        distance = np.where(distance > 0, distance, np.nan)
+        return to_lamp / distance, distance
 
     def directions(self, points: FloatArray) -> FloatArray:
         """Return unit vectors to the lamp, NaN at the lamp itself; see :meth:`Light.directions`."""
         return self._offset(points)[0]
 
+    @property
+    def channels(self) -> int:
+        """See :attr:`Light.channels`."""
+        return int(self.flux.size)
+
     def irradiance(self, points: FloatArray, normals: FloatArray) -> FloatArray:
         """Return the irradiance from the lamp; see :meth:`Light.irradiance`."""
+        beam = next(self.beams(points, 1))
+        cosine = (beam.directions * normals).sum(axis=-1, keepdims=True)
+        return np.asarray(beam.irradiance * np.maximum(cosine, 0.0))
+
+    def beams(self, points: FloatArray, count: int) -> Iterator[Beam]:
+        """Yield the one beam; see :meth:`Light.beams`."""
+        del count
         direction, distance = self._offset(points)
-        cosine = (direction * normals).sum(axis=-1, keepdims=True)
         lobe = np.maximum(-(direction @ self.axis)[..., None], 0.0) ** self.mu
-        return np.asarray(self.flux * lobe * np.maximum(cosine, 0.0) / (distance * distance))
+        yield Beam(
+            directions=direction, irradiance=self.flux * lobe / (distance * distance), distances=distance[..., 0]
+        )
+
+    def moved(self, rotation: FloatArray, translation: FloatArray) -> "Led":
+        """Move the lamp and turn its axis; see :meth:`Light.moved`."""
+        return Led(
+            position=rotation @ self.position + translation, axis=rotation @ self.axis, mu=self.mu, flux=self.flux
+        )
+
+    def idealised(self) -> "Led":
+        """Return the lamp itself; see :meth:`Light.idealised`."""
+        return self

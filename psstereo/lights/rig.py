@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from psstereo.errors import RigError, UnsupportedError
 from psstereo.lights.directional import Directional
-from psstereo.lights.light import Light
+from psstereo.lights.light import Distant, Light
 from psstereo.types import FloatArray
 
 __all__ = ["Rig", "StrengthUnit"]
@@ -163,15 +163,15 @@ class Rig:
                 remedy="Check the lights file for repeated rows; else add an image with the light elsewhere.",
             )
 
-    def _distant_lights(self) -> tuple[Directional, ...]:
-        near = [f"{i + 1} ({light.name})" for i, light in enumerate(self.lights) if not isinstance(light, Directional)]
+    def _distant_lights(self) -> tuple[Distant, ...]:
+        near = [f"{i + 1} ({light.name})" for i, light in enumerate(self.lights) if not isinstance(light, Distant)]
         if near:
             raise UnsupportedError(
                 given=f"Light {', '.join(near[:4])}{' …' if len(near) > 4 else ''} is not a distant light.",
                 needed="This computation takes one direction for the whole image.",
                 remedy="Use a method for near lights, or give distant directions with --lights.",
             )
-        return tuple(light for light in self.lights if isinstance(light, Directional))
+        return tuple(light for light in self.lights if isinstance(light, Distant))
 
 
 def _light(index: int, direction: FloatArray, strength: FloatArray) -> Directional:
