@@ -8,11 +8,11 @@ from typing import Any
 from psstereo.capture import Capture
 from psstereo.depth import Integrator, Poisson, triangulate
 from psstereo.normals import LeastSquares, NormalSolver, estimate_normals
-from psstereo.results import DepthResult, NormalsResult, Outcome
+from psstereo.results import DepthResult, NormalsResult, Outcome, Step
 from psstereo.surface_mesh import SurfaceMesh
 from psstereo.types import Map, Progress, no_progress
 
-__all__ = ["Options", "Reconstruction", "Step", "reconstruct"]
+__all__ = ["Options", "Reconstruction", "reconstruct"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,28 +36,6 @@ class Options:
     valid_range: tuple[float, float] | None = None
     max_memory: int | None = None
     workers: int = 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class Step:
-    """One step of a run.
-
-    Attributes
-    ----------
-    name : str
-        What it is.
-    done : bool
-        Whether it was done rather than left out.
-    reason : str
-        Why, as a sentence.
-    seconds : float
-        Time it took, 0 if left out [s].
-    """
-
-    name: str
-    done: bool
-    reason: str
-    seconds: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

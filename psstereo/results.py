@@ -7,7 +7,7 @@ from typing import Any
 
 from psstereo.types import FlagArray, FloatArray, IntArray
 
-__all__ = ["AlbedoKind", "DepthKind", "DepthResult", "NormalsResult", "Outcome"]
+__all__ = ["AlbedoKind", "DepthKind", "DepthResult", "NormalsResult", "Outcome", "Step"]
 
 
 class Outcome(Enum):
@@ -115,3 +115,25 @@ class DepthResult:
     residual: float
     outcome: Outcome = Outcome.SOLVED
     facts: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One step of a run.
+
+    Attributes
+    ----------
+    name : str
+        What it is.
+    done : bool
+        Whether it was done rather than left out.
+    reason : str
+        Why, as a sentence.
+    seconds : float
+        Time it took, 0 if left out [s].
+    """
+
+    name: str
+    done: bool
+    reason: str
+    seconds: float = 0.0
