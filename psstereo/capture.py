@@ -100,6 +100,9 @@ class Truth:
         Depth of the kind and unit of the capture's camera, NaN where unknown.
     albedo : float array (h, w) or (h, w, c) or None
         Albedo.
+    visibility : float array (m, h, w) or None
+        Share of each light that gets past shadow casters to the pixel: 0 in full cast shadow, 1 where nothing is in
+        the way [1].
     source : str
         Where it came from.
     """
@@ -107,6 +110,7 @@ class Truth:
     normals: FloatArray | None = None
     depth: FloatArray | None = None
     albedo: FloatArray | None = None
+    visibility: FloatArray | None = None
     source: str = "given"
 
 

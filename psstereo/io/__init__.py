@@ -12,16 +12,22 @@ from psstereo.io.mesh_file import MESH_SUFFIXES, write_mesh
 from psstereo.io.normal_map import NormalMap, read_normal_map, write_normal_map
 from psstereo.io.read import Recognition, read_capture, recognise
 from psstereo.io.reader import Choices, Reader
+from psstereo.io.write import write_capture
+from psstereo.io.writer import Writer
+from psstereo.io.writer_catalogue import WRITERS
 
 __all__ = [
     # captures
     "READERS",
     "TEMPLATE",
+    "WRITERS",
     "Choices",
     "Reader",
     "Recognition",
+    "Writer",
     "read_capture",
     "recognise",
+    "write_capture",
     "write_diligent",
     # parts of captures
     "Directions",

@@ -3,9 +3,9 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from psstereo.errors import ExistingResultError, MissingFileError, UnreadableFileError
 
@@ -14,12 +14,14 @@ __all__ = ["RECORD", "new_folder", "require_free"]
 RECORD = "run.json"
 """File by which a result folder is told from any other."""
 
-_NAMES = frozenset({RECORD, "report.html", ".DS_Store", "Thumbs.db", "desktop.ini"})
+_LITTER = frozenset({".DS_Store", "Thumbs.db", "desktop.ini"})
+"""What file managers leave behind."""
+_NAMES = frozenset({RECORD, "report.html"}) | _LITTER
 _STEMS = frozenset({"normals", "albedo", "depth", "uncertainty", "flags", "mesh"})
 """What a result folder may hold; one with anything else in it is somebody's work and is never removed."""
 
 
-def require_free(folder: Path, *, overwrite: bool) -> None:
+def require_free(folder: Path, *, overwrite: bool, names: Collection[str] | None = None) -> None:
     """Refuse to write where something is that nobody asked to replace.
 
     Parameters
@@ -28,6 +30,9 @@ def require_free(folder: Path, *, overwrite: bool) -> None:
         Where a result is to go.
     overwrite : bool
         Whether an earlier result may be replaced. Any other folder with content is refused even then.
+    names : collection of str, optional
+        Files that are to be written, relative, with forward slashes, if it is a capture and no result: then a folder
+        that holds just these files, no other and none less, is what may be replaced.
 
     Raises
     ------
@@ -45,6 +50,19 @@ def require_free(folder: Path, *, overwrite: bool) -> None:
             break
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
+    if names is None:
+        _require_result(folder)
+    else:
+        _require_capture(folder, names)
+    if not overwrite:
+        raise ExistingResultError(
+            given=f"{folder} holds {'the result of an earlier run' if names is None else 'an earlier capture'}.",
+            needed="It is not replaced without being asked for.",
+            remedy="Add --overwrite, or choose another folder with -o.",
+        )
+
+
+def _require_result(folder: Path) -> None:
     if not (folder / RECORD).is_file():
         raise ExistingResultError(
             given=f"{folder} exists and is no result of an earlier run.",
@@ -58,16 +76,40 @@ def require_free(folder: Path, *, overwrite: bool) -> None:
             needed="A folder is replaced only if nothing else would be lost.",
             remedy="Move that away, or choose another folder with -o.",
         )
-    if not overwrite:
+
+
+def _require_capture(folder: Path, names: Collection[str]) -> None:
+    """Refuse a folder unless its files are just those that will be written again."""
+    if not folder.is_dir():
         raise ExistingResultError(
-            given=f"{folder} holds the result of an earlier run.",
-            needed="It is not replaced without being asked for.",
-            remedy="Add --overwrite, or choose another folder with -o.",
+            given=f"{folder} is a file.",
+            needed="A new name, so that nothing of yours is lost.",
+            remedy="Choose another folder with -o.",
+        )
+    wanted = set(names)
+    above = {parent.as_posix() for name in wanted for parent in PurePosixPath(name).parents}
+    found: set[str] = set()
+    for path in folder.rglob("*"):
+        name = path.relative_to(folder).as_posix()
+        ours = (path.is_file() and (name in wanted or path.name in _LITTER)) or (path.is_dir() and name in above)
+        if path.is_symlink() or not ours:
+            raise ExistingResultError(
+                given=f"{folder} holds {name}, which is no part of the capture that is to be written.",
+                needed="A folder is replaced only if its files are just those that are written again.",
+                remedy="Move or delete the folder yourself, or choose another one with -o.",
+            )
+        found.add(name)
+    missing = sorted(wanted - found)
+    if missing:
+        raise ExistingResultError(
+            given=f"{folder} exists and does not hold {missing[0]}, which the capture that is to be written has.",
+            needed="A folder is replaced only if its files are just those that are written again.",
+            remedy="Move or delete the folder yourself, or choose another one with -o.",
         )
 
 
 @contextmanager
-def new_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
+def new_folder(folder: Path, *, overwrite: bool = False, names: Collection[str] | None = None) -> Iterator[Path]:
     """Give a temporary folder to write into, and put it in its place at the end if nothing went wrong.
 
     Parameters
@@ -76,6 +118,8 @@ def new_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
         Where the result is to be.
     overwrite : bool
         Whether an earlier result may be replaced; it stays until the new one is complete.
+    names : collection of str, optional
+        Files that will be written, if it is a capture; see :func:`require_free`.
 
     Yields
     ------
@@ -89,7 +133,7 @@ def new_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
     UnreadableFileError
         If the folder cannot be made.
     """
-    require_free(folder, overwrite=overwrite)
+    require_free(folder, overwrite=overwrite, names=names)
     target = folder.resolve()  # through links and "..", so that what is renamed is the folder itself
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

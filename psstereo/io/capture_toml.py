@@ -15,13 +15,17 @@ from psstereo.io.parts import (
     natural_order,
     read_dark,
     read_depth,
+    read_linear_dark,
+    read_true_albedo,
     read_true_normals,
+    read_true_visibility,
 )
 from psstereo.io.reader import Choices, Reader
 from psstereo.io.toml_lights import read_lights
 from psstereo.io.toml_section import Section
 from psstereo.stack import LINEAR, FileStack, Response
 from psstereo.stack.decode import IMAGE_SUFFIXES, read_bytes
+from psstereo.types import FloatArray
 
 __all__ = ["TEMPLATE", "CaptureToml"]
 
@@ -35,6 +39,7 @@ pattern = "img_*.png"               # in natural order: img_2 before img_10
 # response = "linear"               # or "srgb", or the exponent of a gamma curve such as 2.2
 # white_level = 4095                # value of full scale, if it is not that of the file's type
 # dark = "dark.png"                 # image without any of the lights; it is subtracted
+# dark_linear = "dark.npy"          # or the same as floats with the response already undone
 # radiance_at_white = 12.5          # radiance of a pixel at full scale [W m-2 sr-1], for absolute albedo
 
 [lights]
@@ -71,16 +76,18 @@ directions = [
 # normals = "normals.png"
 # convention = "opengl"             # "directx" if green is down
 # depth = "depth.npy"
+# albedo = "albedo.npy"             # floats
+# visibility = "visibility.npz"     # share of each light that gets past shadow casters to each pixel
 """
 """A commented example, which is itself a valid description."""
 
 _KEYS = {
     "": ("name", "images", "lights", "mask", "camera", "truth"),
-    "images": ("files", "pattern", "white_level", "response", "dark", "radiance_at_white"),
+    "images": ("files", "pattern", "white_level", "response", "dark", "dark_linear", "radiance_at_white"),
     "lights": ("directions", "angles", "positions", "axes", "mu", "flux", "layout", "frame", "strengths", "unit"),
     "mask": ("file",),
     "camera": ("type", "K", "pixel_size", "unit", "position"),
-    "truth": ("normals", "convention", "depth"),
+    "truth": ("normals", "convention", "depth", "albedo", "visibility"),
 }
 
 
@@ -104,20 +111,19 @@ class CaptureToml(Reader):
         shape = (stack.shape[1], stack.shape[2])
         images, camera = top.section("images"), top.section("camera")
         rig, light_notes = read_lights(top.section("lights"), camera, stack, choices)
-        dark = images.path("dark")
         capture = Capture(
             stack=stack,
             rig=rig,
             camera=_camera(camera),
             mask=find_mask(file.parent, shape, _with_mask(choices, top.section("mask").path("file")), ""),
             response=response,
-            dark=None if dark is None else read_dark(dark, stack, response),
+            dark=_dark(images, stack, response),
             radiance_at_white=images.number("radiance_at_white"),
             name=top.text("name") or file.resolve().parent.name,
             notes=(*image_notes, *light_notes),
         )
         section = top.section("truth")
-        return capture, _truth(section, shape) if choices.truth else None
+        return capture, _truth(section, len(stack), shape) if choices.truth else None
 
 
 def _parse(file: Path) -> Section:
@@ -161,7 +167,8 @@ def _images(top: Section) -> tuple[FileStack, Response, tuple[str, ...]]:
 
 def _by_pattern(top: Section, pattern: str) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     folder = top.file.parent
-    used = (("mask", "file"), ("images", "dark"), ("truth", "normals"), ("truth", "depth"))
+    truths = (("truth", "normals"), ("truth", "depth"), ("truth", "albedo"))
+    used = (("mask", "file"), ("images", "dark"), ("images", "dark_linear"), *truths)
     others = {p.resolve() for name, key in used if (p := top.section(name).path(key)) is not None}
     try:
         fits = [p for p in folder.glob(pattern) if p.is_file() and p.suffix.lower() in IMAGE_SUFFIXES]
@@ -215,13 +222,29 @@ def _with_mask(choices: Choices, own: Path | None) -> Choices:
     return replace(choices, mask=own)
 
 
-def _truth(section: Section, shape: tuple[int, int]) -> Truth | None:
+def _dark(section: Section, stack: FileStack, response: Response) -> FloatArray | None:
+    image, linear = section.path("dark"), section.path("dark_linear")
+    if image is not None and linear is not None:
+        raise OptionError(
+            given=f"[images] in {section.file.name} has dark and dark_linear.",
+            needed="There is one dark image.",
+            remedy="Keep one of them.",
+        )
+    if linear is not None:
+        return read_linear_dark(linear, stack)
+    return None if image is None else read_dark(image, stack, response)
+
+
+def _truth(section: Section, count: int, shape: tuple[int, int]) -> Truth | None:
     normals, depth = section.path("normals"), section.path("depth")
+    albedo, visibility = section.path("albedo"), section.path("visibility")
     convention = section.choice("convention", tuple(CONVENTIONS)) or "opengl"
-    if normals is None and depth is None:
+    if all(path is None for path in (normals, depth, albedo, visibility)):
         return None
     return Truth(
         normals=None if normals is None else read_true_normals(normals, shape, convention=convention),
         depth=None if depth is None else read_depth(depth, shape),
+        albedo=None if albedo is None else read_true_albedo(albedo, shape),
+        visibility=None if visibility is None else read_true_visibility(visibility, count, shape),
         source=section.file.name,
     )

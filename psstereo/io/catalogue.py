@@ -7,10 +7,12 @@ from psstereo.io.harvard import PsBox
 from psstereo.io.image_folder import ImageFolder
 from psstereo.io.input_tif import Face16
 from psstereo.io.lp_file import RtiLp
+from psstereo.io.meshroom import Meshroom
 from psstereo.io.near_led import NearLed
 from psstereo.io.npz_stack import NpzStack
 from psstereo.io.psm import Psm
 from psstereo.io.reader import Reader
+from psstereo.io.sdm_unips import SdmUniPs
 from psstereo.io.yale import YaleB
 
 __all__ = ["READERS"]
@@ -19,6 +21,8 @@ READERS: dict[str, Reader] = {
     reader.name: reader
     for reader in (
         CaptureToml(),
+        Meshroom(),
+        SdmUniPs(),
         Diligent(),
         PsBox(),
         NearLed(),

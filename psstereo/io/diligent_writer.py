@@ -3,16 +3,96 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from psstereo.camera import Pinhole
+from psstereo.capture import Capture, Truth
 from psstereo.errors import ExistingResultError, InputError, MissingFileError
+from psstereo.io.layout_writer import (
+    LayoutWriter,
+    Save,
+    camera_file,
+    mask_file,
+    numbers,
+    rgb,
+    sixteen_bits,
+    text_file,
+    three,
+)
+from psstereo.io.mat_file import write_mat
+from psstereo.io.pictures import write_png
+from psstereo.io.write_checks import distant_lights, require_integers, whole_dark
+from psstereo.stack import ImageStack
 from psstereo.types import Array, BoolArray, FloatArray
 
-__all__ = ["write_diligent"]
+__all__ = ["DiligentWriter", "write_diligent"]
+
+
+class DiligentWriter(LayoutWriter):
+    """``filenames.txt``, 16-bit ``001.png …`` of three channels, lights, ``mask.png``, ``Normal_gt.mat``.
+
+    Besides there are ``depth_gt.npz`` for a true depth, ``dark.png`` for a dark image and ``K.txt`` for a pinhole
+    camera, which the benchmark itself [1]_ does not have.
+
+    References
+    ----------
+    .. [1] B. Shi, Z. Mo, Z. Wu, D. Duan, S.-K. Yeung, P. Tan, "A Benchmark Dataset and Evaluation for Non-Lambertian
+       and Uncalibrated Photometric Stereo", IEEE Trans. PAMI 41(2), 2019. doi:10.1109/TPAMI.2018.2799222
+    """
+
+    name: ClassVar[str] = "diligent"
+    summary: ClassVar[str] = "001.png …, filenames.txt, light_directions.txt, light_intensities.txt, Normal_gt.mat"
+    holds: ClassVar[frozenset[str]] = frozenset({"normals", "depth"})
+
+    def check_images(self, capture: Capture) -> None:
+        """Refuse what is not linear integers."""
+        require_integers(capture, self.name)
+
+    def image_name(self, index: int, stack: ImageStack) -> str:
+        """See :meth:`LayoutWriter.image_name`."""
+        del stack
+        return f"{index + 1:03d}.png"
+
+    def image_saver(self, stack: ImageStack) -> Callable[[Path, Array], None]:
+        """See :meth:`LayoutWriter.image_saver`."""
+        deep = sixteen_bits(stack)
+        return lambda path, frame: write_png(path, rgb(deep(frame)))
+
+    def left_out(self, capture: Capture, truth: Truth | None) -> tuple[str, ...]:
+        """See :meth:`Writer.left_out`; three lights are written, but their file does not say which way it runs."""
+        lost = super().left_out(capture, truth)
+        if len(capture.rig) != 3:
+            return lost
+        return (*lost, "Three lights make a file of 3 × 3 numbers: read it with --lights-layout rows.")
+
+    def parts(self, capture: Capture, truth: Truth | None) -> Mapping[str, Save]:
+        """See :meth:`LayoutWriter.parts`."""
+        directions, strengths = distant_lights(capture, self.name)
+        names = [self.image_name(i, capture.stack) for i in range(len(capture.stack))]
+        files: dict[str, Save] = {
+            "filenames.txt": text_file(names),
+            "light_directions.txt": text_file([numbers(row) for row in directions]),
+            "light_intensities.txt": text_file([numbers(row) for row in three(strengths)]),
+            "mask.png": mask_file(capture.effective_mask),
+        }
+        dark = whole_dark(capture, self.name)
+        if dark is not None:
+            save = self.image_saver(capture.stack)
+            files["dark.png"] = lambda path: save(path, dark)
+        if isinstance(capture.camera, Pinhole):
+            files["K.txt"] = camera_file(capture.camera)
+        if truth is not None and truth.normals is not None:
+            normals = truth.normals
+            files["Normal_gt.mat"] = lambda path: _write_normals(path, normals)
+        if truth is not None and truth.depth is not None:
+            depth = truth.depth
+            files["depth_gt.npz"] = lambda path: _write_depth(path, depth)
+        return files
 
 
 def write_diligent(
@@ -79,9 +159,9 @@ def write_diligent(
     partial = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
     try:
         names = _write_images(partial, images, marked.shape, len(rows), compression)
-        _write_text(partial / "filenames.txt", names)
-        _write_text(partial / "light_directions.txt", [_numbers(row) for row in rows])
-        _write_text(partial / "light_intensities.txt", [_numbers(row) for row in strengths])
+        text_file(names)(partial / "filenames.txt")
+        text_file([numbers(row) for row in rows])(partial / "light_directions.txt")
+        text_file([numbers(row) for row in strengths])(partial / "light_intensities.txt")
         _write_png(partial / "mask.png", marked.astype(np.uint8) * np.uint8(255), compression)
         _write_surface(partial, marked.shape, normals, depth)
         partial.chmod(0o755)
@@ -139,25 +219,22 @@ def _write_png(path: Path, pixels: Array, compression: int) -> None:
 
 def _write_surface(folder: Path, shape: tuple[int, ...], normals: FloatArray | None, depth: FloatArray | None) -> None:
     if normals is not None:
-        import scipy.io
-
         if normals.shape != (*shape, 3):
             raise _wrong(f"The normals have the shape {normals.shape}; the mask, {shape}.", "(h, w, 3)")
-        known = np.isfinite(normals).all(axis=2, keepdims=True)
-        scipy.io.savemat(folder / "Normal_gt.mat", {"Normal_gt": np.where(known, normals, 0.0).astype(np.float64)})
+        _write_normals(folder / "Normal_gt.mat", normals)
     if depth is not None:
         if depth.shape != shape:
             raise _wrong(f"The depth has the shape {depth.shape}; the mask, {shape}.", "(h, w)")
-        np.savez_compressed(folder / "depth_gt.npz", depth_gt=np.asarray(depth, np.float64))
+        _write_depth(folder / "depth_gt.npz", depth)
 
 
-def _numbers(row: FloatArray) -> str:
-    return " ".join(f"{value:.17g}" for value in row)
+def _write_normals(path: Path, normals: FloatArray) -> None:
+    known = np.isfinite(normals).all(axis=2, keepdims=True)
+    write_mat(path, {"Normal_gt": np.where(known, normals, 0.0).astype(np.float64)})
 
 
-def _write_text(path: Path, lines: list[str]) -> None:
-    # Meshroom loses the last line of a file that does not end in a line end.
-    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", newline="\n")
+def _write_depth(path: Path, depth: FloatArray) -> None:
+    np.savez_compressed(path, depth_gt=np.asarray(depth, np.float64))
 
 
 def _wrong(given: str, needed: str) -> InputError:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from psstereo.errors import InputError, MissingFileError, RigError
 from psstereo.io.image_names import base_name, name_key
 from psstereo.io.light_file import Directions, read_directions
+from psstereo.io.parts import channel_values
 from psstereo.io.reader import Choices
 from psstereo.lights import Rig, StrengthUnit
 from psstereo.stack import ImageStack
@@ -39,7 +40,7 @@ def distant_rig(
     source : str
         Name of their file.
     strengths : array (m,) or (m, c), optional
-        Strengths of the lights; all one if absent [W m⁻²], or relative.
+        Strengths of the lights, unless the file of directions holds some; all one if absent [W m⁻²], or relative.
     strengths_source : str, optional
         Name of the strengths' file, if it is another one.
     strength_unit : StrengthUnit
@@ -60,6 +61,10 @@ def distant_rig(
     found = chosen_directions(choices, stack.names)
     where = source if choices.lights is None else choices.lights.name
     found = own() if found is None else found
+    notes = found.notes
+    if found.strengths is not None:
+        strengths, more = channel_values(found.strengths, stack.shape[3], "light strengths")
+        strengths_source, strength_unit, notes = where, StrengthUnit.RELATIVE, (*notes, *more)
     checked = where
     try:
         Rig.distant(found.vectors)
@@ -69,7 +74,7 @@ def distant_rig(
         raise RigError(given=f"{checked}: {error.given}", needed=error.needed, remedy=error.remedy) from None
     behind = int(np.count_nonzero(rig.directions[:, 2] <= 0))
     note = f"{behind} of {len(rig)} lights come from the side or from behind (z ≤ 0); they are kept."
-    return rig, (*found.notes, *((note,) if behind else ()))
+    return rig, (*notes, *((note,) if behind else ()))
 
 
 def chosen_directions(choices: Choices, names: tuple[str, ...]) -> Directions | None:
@@ -100,6 +105,10 @@ def chosen_directions(choices: Choices, names: tuple[str, ...]) -> Directions | 
         )
     if path.suffix.lower() == ".lp":
         return _by_name(path, names)
+    if path.suffix.lower() == ".json":
+        from psstereo.io.light_json import read_light_json
+
+        return read_light_json(path).for_images(names, path.name)
     return read_directions(path, len(names), layout=choices.lights_layout)
 
 

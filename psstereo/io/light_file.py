@@ -24,10 +24,13 @@ class Directions:
         One row a light.
     notes : tuple of str
         What was found out about them, as sentences.
+    strengths : float64 array (m, 3) or None
+        Strengths of the lights, where the file holds them too [relative].
     """
 
     vectors: FloatArray
     notes: tuple[str, ...] = ()
+    strengths: FloatArray | None = None
 
 
 def as_rows(values: FloatArray, count: int | None, source: str, *, layout: str | None = None) -> Directions:
@@ -84,13 +87,13 @@ def as_rows(values: FloatArray, count: int | None, source: str, *, layout: str |
 
 
 def read_directions(path: Path, count: int | None = None, *, layout: str | None = None) -> Directions:
-    """Read light vectors from text, ``.lp``, ``.npy`` or ``.mat``.
+    """Read light vectors from text, ``.lp``, ``.json`` (Meshroom), ``.npy`` or ``.mat``.
 
     Parameters
     ----------
     path : Path
-        ``.lp`` (count, then name and vector a line), ``.npy``, ``.mat`` with one matrix that fits, or text with one
-        light a row or a column; a first line that holds only the count is skipped.
+        ``.lp`` (count, then name and vector a line), ``.json`` of Meshroom, ``.npy``, ``.mat`` with one matrix that
+        fits, or text with one light a row or a column; a first line that holds only the count is skipped.
     count : int, optional
         Number of images.
     layout : {"rows", "columns"}, optional
@@ -116,6 +119,12 @@ def read_directions(path: Path, count: int | None = None, *, layout: str | None 
 
         entries = read_lp(path)
         return as_rows(entries.vectors, count, path.name, layout="rows")
+    if suffix == ".json":
+        from psstereo.io.light_json import read_light_json
+
+        lights = read_light_json(path)
+        found = as_rows(lights.vectors, count, path.name, layout="rows")
+        return Directions(found.vectors, (), lights.strengths)
     if suffix == ".npy":
         return as_rows(_numpy_matrix(path), count, path.name, layout=layout)
     if suffix == ".mat":

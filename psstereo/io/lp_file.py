@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from psstereo.capture import Capture, Truth
-from psstereo.errors import InputError, UnreadableFileError
+from psstereo.errors import InputError, OptionError, UnreadableFileError
 from psstereo.io.distant_lights import distant_rig
 from psstereo.io.image_names import base_name, match_files
 from psstereo.io.light_file import Directions
@@ -127,7 +127,9 @@ def _row(path: Path, number: int, line: str) -> tuple[str, list[float], bool]:
     return words[0].rstrip(), vector, any("," in token for token in tokens)
 
 
-def write_lp(path: Path | str | os.PathLike[str], names: Sequence[str], vectors: npt.ArrayLike) -> None:
+def write_lp(
+    path: Path | str | os.PathLike[str], names: Sequence[str], vectors: npt.ArrayLike, *, digits: int = 10
+) -> None:
     """Write an ``.lp`` file that relight and Meshroom read: one blank between words, none at the ends of lines.
 
     Parameters
@@ -137,13 +139,21 @@ def write_lp(path: Path | str | os.PathLike[str], names: Sequence[str], vectors:
     names : sequence of str
         Image names, one a light, in the order of the vectors.
     vectors : array (m, 3)
-        Toward the lights, x right, y up, z toward the camera; written as unit vectors of 10 digits [1].
+        Toward the lights, x right, y up, z toward the camera; written as unit vectors [1].
+    digits : int
+        Digits after the point, 1 to 17; with 17 the vectors come back to the last bit.
 
     Raises
     ------
     InputError
         If counts disagree, a name would not come back from the file, or a vector is zero or not finite.
+    OptionError
+        If there are other numbers of digits.
     """
+    if not 1 <= digits <= 17:
+        raise OptionError(
+            given=f"{digits} digits are asked for.", needed="1 to 17.", remedy="Take 10, or 17 for full precision."
+        )
     array = np.asarray(vectors, np.float64)
     if array.ndim != 2 or array.shape != (len(names), 3) or len(names) == 0:
         raise InputError(
@@ -167,7 +177,7 @@ def write_lp(path: Path | str | os.PathLike[str], names: Sequence[str], vectors:
             remedy="Leave that image out.",
         )
     unit = array / lengths[:, None]
-    rows = [f"{name} {v[0]:.10f} {v[1]:.10f} {v[2]:.10f}" for name, v in zip(names, unit, strict=True)]
+    rows = [f"{name} {' '.join(f'{x:.{digits}f}' for x in v)}" for name, v in zip(names, unit, strict=True)]
     Path(path).write_text("\n".join([str(len(names)), *rows, ""]), encoding="utf-8", newline="\n")
 
 

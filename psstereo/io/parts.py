@@ -28,7 +28,10 @@ __all__ = [
     "natural_order",
     "read_dark",
     "read_depth",
+    "read_linear_dark",
+    "read_true_albedo",
     "read_true_normals",
+    "read_true_visibility",
 ]
 
 
@@ -156,6 +159,76 @@ def read_true_normals(path: Path, shape: tuple[int, int], *, convention: str = "
             remedy="Take them out of the folder if they belong to other images.",
         )
     return normals
+
+
+def read_true_albedo(path: Path, shape: tuple[int, int]) -> FloatArray:
+    """Read a true albedo, (h, w) or (h, w, c) in the file's own precision, from ``.npy`` or a floating-point image.
+
+    Raises
+    ------
+    InputError
+        If it has another size, or holds whole numbers, whose scale nobody knows.
+    MissingFileError, UnreadableFileError
+        If it is not there or damaged.
+    """
+    albedo = decode_image(path)
+    if albedo.ndim not in (2, 3) or albedo.shape[:2] != shape or albedo.dtype not in (np.float32, np.float64):
+        raise InputError(
+            given=f"The true albedo {path.name} has the shape {albedo.shape} and type {albedo.dtype}.",
+            needed=f"It must be an array of floats, {shape} or with channels besides.",
+            remedy="Save the albedo that belongs to the images with numpy.save, or take it out.",
+        )
+    return albedo
+
+
+def read_true_visibility(path: Path, count: int, shape: tuple[int, int]) -> FloatArray:
+    """Read how much of each light reaches each pixel, float32 (m, h, w), the array ``visibility`` of an ``.npz``.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it is damaged, or of another size than the images.
+    MissingFileError
+        If it is not there.
+    """
+    try:
+        visibility = np.asarray(_npz_array(path, "visibility"), np.float32)
+    except PsstereoError:
+        raise
+    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise UnreadableFileError(
+            given=f"The true visibility {path} cannot be read ({error}).",
+            needed="An .npz file with the array visibility, one (h, w) a light.",
+            remedy="Copy it again, or take it out; it is not needed to reconstruct.",
+        ) from None
+    if visibility.shape != (count, *shape):
+        raise UnreadableFileError(
+            given=f"The true visibility {path.name} has the shape {visibility.shape}.",
+            needed=f"For these images it must be {(count, *shape)}.",
+            remedy="Take it out if it belongs to other images.",
+        )
+    return visibility
+
+
+def read_linear_dark(path: Path, stack: ImageStack) -> FloatArray:
+    """Read a dark image that is already linear pixel values, floats (h, w, c), from ``.npy`` or a float image.
+
+    Raises
+    ------
+    InputError
+        If it has another size or other channels than the images.
+    MissingFileError, UnreadableFileError
+        If it is not there or damaged.
+    """
+    dark = decode_image(path)
+    dark = dark[..., None] if dark.ndim == 2 else dark
+    if dark.shape != stack.shape[1:] or dark.dtype not in (np.float32, np.float64):
+        raise InputError(
+            given=f"The dark image {path.name} has the shape {dark.shape} and type {dark.dtype}.",
+            needed=f"Linear pixel values are floats, of the images' shape {stack.shape[1:]}.",
+            remedy="Write dark instead of dark_linear if it is a photograph like the others.",
+        )
+    return dark
 
 
 def read_dark(path: Path, stack: ImageStack, response: Response = LINEAR) -> FloatArray:

@@ -17,8 +17,8 @@ class Choices:
     Attributes
     ----------
     lights : Path or None
-        File of light directions to take instead of the folder's own; strengths are then all one unless the folder has
-        a file of their own.
+        File of light directions to take instead of the folder's own; strengths are then all one, unless that file
+        (Meshroom's .json) or one of the folder holds them.
     lights_layout : {"rows", "columns"} or None
         One light a row or a column, where the numbers cannot tell.
     mask : Path or None

@@ -81,7 +81,8 @@ def _directions(lights: Section, stack: FileStack, choices: Choices) -> Directio
         assert angles is not None
         return as_rows(_from_angles(angles), len(stack), f"lights.angles in {lights.file.name}", layout="rows")
     found = _vectors(lights, "directions", stack, choices)
-    return Directions(to_canonical(found.vectors, _frame(lights)), found.notes)
+    strengths = None if "strengths" in lights.values else found.strengths
+    return Directions(to_canonical(found.vectors, _frame(lights)), found.notes, strengths)
 
 
 def _vectors(lights: Section, key: str, stack: FileStack, choices: Choices) -> Directions:

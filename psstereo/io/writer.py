@@ -29,6 +29,14 @@ class Writer(ABC):
         """
 
     @abstractmethod
+    def file_names(self, capture: Capture, truth: Truth | None) -> frozenset[str]:
+        """Return the names of all files of a capture that :meth:`check` lets pass, relative, with forward slashes."""
+
+    @abstractmethod
+    def left_out(self, capture: Capture, truth: Truth | None) -> tuple[str, ...]:
+        """Say what the layout has no place for although the capture is written without it, as sentences."""
+
+    @abstractmethod
     def write(
         self,
         folder: Path,

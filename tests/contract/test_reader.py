@@ -155,8 +155,27 @@ def build_images(folder: Path) -> Sample:
     return Sample(folder, LIGHTS, files[2])
 
 
+def build_meshroom(folder: Path) -> Sample:
+    files = [save(folder / "PS_Pictures" / f"{i + 1:02d}.png", eight(v)) for i, v in enumerate(shaded(LIGHTS))]
+    save_numbers(folder / "light_directions.txt", LIGHTS[:, [1, 0, 2]])
+    save_numbers(folder / "light_intensities.txt", np.full((5, 3), 1.5))
+    save_numbers(folder / "convertionMatrix.txt", np.array([[0, 1, 0], [-1, 0, 0], [0, 0, -1]]))
+    save_mask(folder / "mask.png")
+    return Sample(folder, LIGHTS, files[2])
+
+
+def build_sdm_unips(folder: Path) -> Sample:
+    home = folder.with_name(folder.name + ".data")
+    files = [save(home / f"L_{i + 1}.png", eight(v)) for i, v in enumerate(shaded(LIGHTS))]
+    save_numbers(home / "light_directions.txt", LIGHTS)
+    save_mask(home / "mask.png")
+    return Sample(home, LIGHTS, files[2])
+
+
 BUILDERS: dict[str, Callable[[Path], Sample]] = {
     "capture": build_capture,
+    "meshroom": build_meshroom,
+    "sdm-unips": build_sdm_unips,
     "diligent": build_diligent,
     "psbox": build_psbox,
     "near-led": build_near_led,

@@ -189,3 +189,53 @@ def test_where_nothing_can_be_written_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(atomic.tempfile, "mkdtemp", refuse)
     with pytest.raises(UnreadableFileError, match="Permission denied"), new_folder(tmp_path / "out"):
         pytest.fail("it was entered")
+
+
+NAMES = {"a.txt", "sub/b.txt"}
+
+
+def make_capture(folder: Path, text: str = "old") -> Path:
+    (folder / "sub").mkdir(parents=True)
+    (folder / "a.txt").write_text(text)
+    (folder / "sub" / "b.txt").write_text(text)
+    return folder
+
+
+def test_a_capture_of_the_same_files_is_replaced_if_asked_for(tmp_path):
+    target = make_capture(tmp_path / "out")
+    with pytest.raises(ExistingResultError, match="earlier capture"):
+        require_free(target, overwrite=False, names=NAMES)
+    (target / "sub" / "Thumbs.db").write_text("")
+    with new_folder(target, overwrite=True, names=NAMES) as work:
+        make_capture(work / "x")
+        (work / "x" / "a.txt").rename(work / "a.txt")
+        (work / "x" / "sub").rename(work / "sub")
+        (work / "x").rmdir()
+    assert everything(target) == {"a.txt": b"old", "sub": b"", "sub/b.txt": b"old"}
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_capture_with_more_or_less_is_kept(tmp_path, overwrite):
+    def refused(match):
+        before = everything(tmp_path)
+        with pytest.raises(ExistingResultError, match=match):
+            require_free(tmp_path / "out", overwrite=overwrite, names=NAMES)
+        assert everything(tmp_path) == before
+
+    target = make_capture(tmp_path / "out")
+    (target / "sub" / "mine.txt").write_text("mine")
+    refused(r"sub/mine\.txt")
+    (target / "sub" / "mine.txt").unlink()
+    (target / "a.txt").unlink()
+    refused(r"does not hold a\.txt")
+    (target / "a.txt").mkdir()
+    refused(r"holds a\.txt")
+    (target / "a.txt").rmdir()
+    (target / "a.txt").write_text("")
+    (target / "sub" / ".DS_Store").mkdir()
+    refused("DS_Store")
+    make_result(tmp_path / "result")
+    with pytest.raises(ExistingResultError):
+        require_free(tmp_path / "result", overwrite=overwrite, names=NAMES)
+    with pytest.raises(ExistingResultError):
+        require_free(target, overwrite=overwrite)

@@ -1,3 +1,4 @@
+import json
 import re
 import tomllib
 
@@ -229,3 +230,58 @@ def test_a_byte_order_mark_is_fine_and_other_encodings_are_told(folder):
     (folder / "capture.toml").write_bytes('name = "é"\n'.encode("latin-1"))
     with pytest.raises(UnreadableFileError, match="UTF-8"):
         read_capture(folder)
+
+
+def test_true_albedo_and_visibility(folder):
+    rng = np.random.default_rng(0)
+    albedo, shares = rng.uniform(size=(3, 5, 3)), rng.uniform(size=(4, 3, 5)).astype(np.float32)
+    np.save(folder / "img_albedo.npy", albedo)
+    np.savez_compressed(folder / "v.npz", visibility=shares, other=1)
+    text = '[images]\npattern = "img_*"\n' + ROWS + '[truth]\nalbedo = "img_albedo.npy"\nvisibility = "v.npz"\n'
+    capture, truth = read(folder, text)
+    assert len(capture.stack) == 4
+    assert any("left out (1)" in note for note in capture.notes)
+    np.testing.assert_array_equal(truth.albedo, albedo)
+    np.testing.assert_array_equal(truth.visibility, shares)
+    assert truth.normals is truth.depth is None
+    for bad, said in ((albedo[:2], r"\(2, 5, 3\)"), ((albedo * 9).astype(np.uint8), "uint8")):
+        np.save(folder / "img_albedo.npy", bad)
+        with pytest.raises(InputError, match=said):
+            read(folder, text)
+    np.save(folder / "img_albedo.npy", albedo)
+    np.savez(folder / "v.npz", visibility=shares[:3])
+    with pytest.raises(UnreadableFileError, match=r"\(3, 3, 5\)"):
+        read(folder, text)
+    np.savez(folder / "v.npz", shares=shares)
+    with pytest.raises(UnreadableFileError, match="visibility"):
+        read(folder, text)
+    (folder / "v.npz").write_bytes(b"PK\3\4 broken")
+    with pytest.raises(UnreadableFileError, match=r"v\.npz"):
+        read(folder, text)
+    assert read(folder, text, truth=False)[1] is None
+
+
+def test_a_linear_dark_image_goes_through_no_response(folder):
+    dark = np.random.default_rng(1).uniform(0, 50, (3, 5))
+    np.save(folder / "dark.npy", dark)
+    text = IMAGES + 'response = "srgb"\ndark_linear = "dark.npy"\n' + ROWS
+    np.testing.assert_array_equal(read(folder, text)[0].dark[..., 0], dark)
+    with pytest.raises(OptionError, match="dark and dark_linear"):
+        read(folder, IMAGES + 'dark = "dark.npy"\ndark_linear = "dark.npy"\n' + ROWS)
+    for bad in (dark[:2], dark.astype(np.uint8)):
+        np.save(folder / "dark.npy", bad)
+        with pytest.raises(InputError, match=r"dark\.npy"):
+            read(folder, text)
+
+
+def test_lights_of_meshroom_bring_their_strengths(folder):
+    lights = [
+        {"type": "directional", "direction": [str(v) for v in row * [1, -1, -1]], "intensity": [str(i + 1)] * 3}
+        for i, row in enumerate(L)
+    ]
+    (folder / "l.json").write_text(json.dumps({"lights": lights}))
+    capture, _ = read(folder, IMAGES + '[lights]\ndirections = "l.json"\n')
+    np.testing.assert_allclose(capture.rig.directions, L, atol=1e-15)
+    assert capture.rig.strengths(1).ravel().tolist() == [1, 2, 3, 4]
+    capture, _ = read(folder, IMAGES + '[lights]\ndirections = "l.json"\nstrengths = [4, 3, 2, 1]\n')
+    assert capture.rig.strengths(1).ravel().tolist() == [4, 3, 2, 1]

@@ -272,4 +272,4 @@ def test_what_is_no_capture_with_lights_is_not_taken_for_one(folder, data_dir):
 
 def test_every_layout_but_our_own_has_been_met(data_dir):
     met = {expected.layout for expected in DISTANT.values()} | {"near-led"}
-    assert set(READERS) - met == {"capture", "lp", "images"}
+    assert set(READERS) - met == {"capture", "lp", "images", "meshroom", "sdm-unips"}
