@@ -1,11 +1,12 @@
 """What a camera sees of a surface, pixel by pixel."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from psstereo.errors import InputError
-from psstereo.types import BoolArray, FloatArray
+from psstereo.types import BoolArray, FloatArray, IntArray
 
 __all__ = ["Geometry"]
 
@@ -55,8 +56,31 @@ class Geometry:
                 remedy="Take pixels without a surface out of the mask.",
             )
 
+    @cached_property
+    def faces_eye(self) -> BoolArray:
+        """Where the surface faces the camera, (p,); interpolated normals near an outline may not."""
+        if self.to_eye.ndim == 1:
+            return np.asarray(self.normals @ self.to_eye > 0)
+        return np.asarray(np.einsum("pi,pi->p", self.normals, self.to_eye) > 0)
+
+    @cached_property
+    def all_face_eye(self) -> bool:
+        """Whether every point faces the camera."""
+        return bool(self.faces_eye.all())
+
+    @cached_property
+    def _pixels(self) -> IntArray | None:
+        """Indices of the pixels, None if they are all of the image."""
+        return None if self.mask.all() else np.flatnonzero(self.mask)
+
     def scatter(self, values: FloatArray, outside: float = 0.0) -> FloatArray:
-        """Return values (p, …) as an image (h, w, …), with one value outside the mask."""
-        image = np.full((*self.mask.shape, *values.shape[1:]), outside, values.dtype)
-        image[self.mask] = values
-        return image
+        """Return values (p, …) as an image (h, w, …), with one value outside the mask.
+
+        Where the mask is the whole image this is a view of the values.
+        """
+        shape = (*self.mask.shape, *values.shape[1:])
+        if self._pixels is None:
+            return values.reshape(shape)
+        image = np.full((self.mask.size, *values.shape[1:]), outside, values.dtype)
+        image[self._pixels] = values
+        return image.reshape(shape)

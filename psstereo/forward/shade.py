@@ -73,15 +73,14 @@ def shade(
         If channels disagree, or a number means nothing.
     """
     _require(geometry, brdf, light, beams, extinction)
-    seen = _dot(geometry.normals, geometry.to_eye)
     through_air = extinction > 0 and light.positional
     if brdf.constant and not through_air:
         shading = _matte(geometry, brdf, light, shadows, beams)
     else:
         shading = _by_beams(geometry, brdf, light, shadows, beams, extinction=extinction if through_air else 0.0)
     radiance = shading.radiance
-    if not (seen > 0).all():
-        radiance = np.where((seen > 0)[:, None], radiance, 0.0)
+    if not geometry.all_face_eye:
+        radiance = np.where(geometry.faces_eye[:, None], radiance, 0.0)
     if extinction > 0 and geometry.eye_distances is not None:
         radiance = radiance * np.exp(-extinction * geometry.eye_distances)[:, None]
     return Shading(radiance=radiance, visibility=shading.visibility)

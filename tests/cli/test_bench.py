@@ -55,7 +55,7 @@ def test_accuracy_for_a_person(run, names):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (("acuracy",), ("acuracy", "accuracy, reading", "Did you mean accuracy?")),
+        (("acuracy",), ("acuracy", "accuracy, reading, forward", "Did you mean accuracy?")),
         (("accuracy", "--size", "32"), ("'32'", "WIDTHxHEIGHT")),
         (("accuracy", "--size", "4x4"), ("'4x4'", "from 8")),
         (("accuracy", "--size", "²²x²²"), ("WIDTHxHEIGHT",)),
@@ -106,9 +106,26 @@ def test_reading_measures_decoding_library_command_and_memory(run, tmp_path, mon
     assert not list(tmp_path.glob("psstereo-bench-*"))
 
 
+def test_forward_names_its_methods(run, monkeypatch):
+    words = ("bench", "forward", "--size", "40x32", "--lights", "3", "--repeats", "1", "--threads", "2", "--json")
+    record = run(*words).record
+    methods = [row["method"] for row in record["rows"]]
+    assert methods == [
+        "writing PNG, 1 thread",
+        "render, 1 thread",
+        "render, 2 threads",
+        "Mitsuba direct, 1 sample, 2 threads",
+    ]
+    assert all(row["seconds"] > 0 for row in record["rows"])
+    monkeypatch.setitem(sys.modules, "mitsuba", None)
+    record = run(*words).record
+    assert [row["method"] for row in record["rows"]] == methods[:3]
+    assert "Mitsuba is not installed" in record["notes"][0]
+
+
 def test_a_measured_process_that_fails_is_told(monkeypatch):
     from psstereo.errors import InputError
-    from psstereo_cli.commands.bench import _run_python
+    from psstereo_cli.suites.reading import _run_python
 
     with pytest.raises(InputError, match="No module named") as caught:
         _run_python("psstereo_no_such_module")

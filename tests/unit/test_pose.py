@@ -23,7 +23,7 @@ def test_looking_at_puts_the_target_on_the_axis_and_up_in_the_image():
     pose = Pose.looking_at(position, target)
     seen = pose.to_camera(target)
     np.testing.assert_allclose(seen, [0, 0, -np.linalg.norm(position - target)], atol=1e-13)
-    above = pose.to_camera(target + [0, 0.1, 0])
+    above = pose.to_camera(target + np.array([0, 0.1, 0]))
     assert above[1] > 0
     assert abs(above[0]) < 1e-13
     np.testing.assert_allclose(Pose.looking_at(np.array([0, 0, 5.0]), np.zeros(3)).rotation, np.eye(3), atol=1e-15)

@@ -1,0 +1,1 @@
+"""What ``psstereo bench`` measures, one suite a file."""
