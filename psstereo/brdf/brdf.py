@@ -57,7 +57,7 @@ class Brdf(ABC):
     def diffuse_albedo(self) -> FloatArray:
         """The albedo πρ of its diffuse part, what a matte solver should find, (c,) or (..., c) [1].
 
-        Zero for a model without a diffuse part.
+        Zero for a model without a diffuse part, NaN where it is not known, as for measured tables.
         """
         return np.zeros(self.channels)
 

@@ -4,6 +4,7 @@ from psstereo.io.capture_toml import TEMPLATE
 from psstereo.io.catalogue import READERS
 from psstereo.io.conventions import CONVENTIONS, Convention, from_canonical, to_canonical
 from psstereo.io.diligent_writer import write_diligent
+from psstereo.io.environment_file import ENVIRONMENT_SUFFIXES, read_environment, write_environment
 from psstereo.io.green_convention import GreenVerdict, green_convention
 from psstereo.io.light_file import Directions, read_directions
 from psstereo.io.lp_file import LpFile, read_lp, write_lp
@@ -36,6 +37,10 @@ __all__ = [
     "read_lp",
     "read_mask",
     "write_lp",
+    # light from all around
+    "ENVIRONMENT_SUFFIXES",
+    "read_environment",
+    "write_environment",
     # normal maps and meshes
     "CONVENTIONS",
     "MESH_SUFFIXES",

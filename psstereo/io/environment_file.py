@@ -129,8 +129,10 @@ def _require_panorama(image: Array, what: str) -> None:
 
 
 def _hdr_scale(path: Path) -> float:
-    """Return what the numbers of an HDR file must be multiplied by, from its header."""
-    head = read_bytes(path)[:_HEADER].tobytes().split(b"\n\n")[0].decode("latin-1")
+    """Return what the numbers of an HDR file must be multiplied by, from its header; refuse one with holes."""
+    data = read_bytes(path).tobytes()
+    _require_whole_rows(path, data)
+    head = data[:_HEADER].split(b"\n\n")[0].decode("latin-1")
     if re.search(r"^FORMAT\s*=\s*32-bit_rle_xyze\s*$", head, re.MULTILINE):
         raise UnreadableFileError(
             given=f"The file {path} holds CIE X, Y, Z.",
@@ -153,6 +155,34 @@ def _hdr_scale(path: Path) -> float:
     return scale
 
 
+def _require_whole_rows(path: Path, data: bytes) -> None:
+    """Refuse an HDR file whose runs do not fill its rows: OpenCV takes what follows a bad row for plain pixels."""
+    found = re.search(rb"\n\n-Y (\d+) \+X (\d+)\n", data[:_HEADER])
+    if found is None:
+        return  # the decoder says what it is
+    rows, width = int(found[1]), int(found[2])
+    at = found.end()
+    if len(data) - at == 4 * rows * width:
+        return  # no runs
+    for row in range(rows):
+        whole = data[at : at + 4] == bytes([2, 2, width >> 8 & 0xFF, width & 0xFF])
+        at += 4
+        for _ in range(4):
+            filled = 0
+            while whole and filled < width:
+                length = data[at] if at < len(data) else 0
+                whole = length > 0
+                filled += length - 128 if length > 128 else length
+                at += 2 if length > 128 else 1 + length
+            whole = whole and filled == width
+        if not whole or at > len(data):
+            raise UnreadableFileError(
+                given=f"The file {path} is damaged or truncated in row {row + 1} of {rows}.",
+                needed="Each row must hold as many pixels as the header says.",
+                remedy="Copy it again from its source.",
+            )
+
+
 def _write_exr(path: Path, values: Array) -> None:
     import OpenEXR
 
@@ -166,8 +196,9 @@ def _write_hdr(path: Path, values: Array) -> None:
     import cv2
 
     # The coder cuts mantissas to eight bits; half a step more makes that rounding, so that maps get no darker.
-    _, exponent = np.frexp(values.max(axis=-1, keepdims=True))
-    rounded = np.broadcast_to(values + np.ldexp(np.float32(1 / 512), exponent), (*values.shape[:2], 3))
+    brightest, half = values.max(axis=-1, keepdims=True), np.float32(1 / 512)
+    brightest = brightest + np.ldexp(half, np.frexp(brightest)[1])  # rounding may take it to the next exponent
+    rounded = np.broadcast_to(values + np.ldexp(half, np.frexp(brightest)[1]), (*values.shape[:2], 3))
     done, encoded = cv2.imencode(".hdr", np.ascontiguousarray(rounded[..., ::-1]))
     if not done:
         raise InputError(

@@ -232,4 +232,7 @@ class Harmonics(Light):
         # The turned field at ω is the old one at Rᵀω; projecting a field of order 2 on order 2 is exact with degree 4.
         around, weights = product_rule(4)
         mixing = (real_harmonics(around) * weights[:, None]).T @ real_harmonics(around @ turn)
-        return Harmonics(coefficients=mixing @ self.coefficients, allow_negative=self.allow_negative)
+        turned = Harmonics(coefficients=mixing @ self.coefficients, allow_negative=True)
+        # The field has been checked; on the turned lattice one at the limit could fall to the other side of it.
+        object.__setattr__(turned, "allow_negative", self.allow_negative)
+        return turned

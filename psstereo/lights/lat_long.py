@@ -46,7 +46,7 @@ def cell_squares(height: int, width: int) -> Callable[[FloatArray, int, int, int
 
     The box is given by its first row, the row after its last one, and the same for columns.
     """
-    nodes, shares = np.polynomial.legendre.leggauss(6)  # exact to rounding for cells below an octant's size
+    nodes, shares = np.polynomial.legendre.leggauss(12)  # to rounding, even for cells as large as octants
     steps = 0.5 + 0.5 * nodes
     theta = np.pi / height * (np.arange(height)[:, None] + steps)
     phi = 2.0 * np.pi / width * (np.arange(width)[:, None] + steps) - np.pi

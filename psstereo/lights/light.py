@@ -80,8 +80,8 @@ class Light(ABC):
         points : float array (..., 3)
             Surface points.
         count : int
-            About how many beams an extended light is split into; other lights give one. The same count gives the same
-            beams.
+            About how many beams an extended light is split into; other lights give one. Light from all around gives
+            twice as many, since half of them are below any surface. The same count gives the same beams.
 
         Yields
         ------

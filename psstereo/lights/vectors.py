@@ -64,7 +64,7 @@ def strengths(values: npt.ArrayLike, what: str) -> FloatArray:
         If one is zero, negative or not finite.
     """
     s = np.atleast_1d(np.array(values, np.float64))
-    if s.ndim != 1 or not np.isfinite(s).all() or (s <= 0).any():
+    if s.ndim != 1 or s.size == 0 or not np.isfinite(s).all() or (s <= 0).any():
         raise RigError(
             given=f"The {what} is {np.array2string(s, precision=6)}.",
             needed="Each channel needs a positive, finite strength.",

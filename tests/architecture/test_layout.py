@@ -9,17 +9,22 @@ from pathlib import Path
 import pytest
 
 import psstereo
+from psstereo.brdf import BRDFS, Brdf
 from psstereo.camera import CAMERAS, Camera
 from psstereo.depth import INTEGRATORS, Integrator
-from psstereo.io import READERS, Reader
+from psstereo.io import READERS, WRITERS, Reader, Writer
 from psstereo.lights import LIGHTS, Light
 from psstereo.normals import NORMAL_SOLVERS, NormalSolver
+from psstereo_synth.faults import FAULTS, Fault
+from psstereo_synth.patterns import PATTERNS, Pattern
+from psstereo_synth.shapes import RELIEFS, Relief
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (ROOT / "psstereo", ROOT / "synth" / "psstereo_synth", ROOT / "cli" / "psstereo_cli")
 MODULES = sorted(path for package in PACKAGES for path in package.rglob("*.py"))
 
 PUBLIC = [
+    "BRDFS",
     "Capture",
     "Choices",
     "DepthResult",
@@ -27,7 +32,9 @@ PUBLIC = [
     "FileStack",
     "Flag",
     "GATES",
+    "Geometry",
     "INTEGRATORS",
+    "LIGHTS",
     "LeastSquares",
     "Led",
     "MemoryStack",
@@ -38,13 +45,16 @@ PUBLIC = [
     "Outcome",
     "Pinhole",
     "Poisson",
+    "Pose",
     "PsstereoError",
     "READERS",
     "Reconstruction",
     "Response",
     "Rig",
     "StrengthUnit",
+    "Sun",
     "Truth",
+    "WRITERS",
     "angular_error",
     "describe_flags",
     "estimate_normals",
@@ -57,9 +67,11 @@ PUBLIC = [
     "read_result",
     "recognise",
     "reconstruct",
+    "shade",
     "summarise_angles",
     "triangulate",
     "with_distance",
+    "write_capture",
     "write_diligent",
     "write_mesh",
     "write_normal_map",
@@ -139,11 +151,11 @@ def test_no_photographs_are_kept() -> None:
 
 
 def final_classes(base: type) -> set[type]:
-    """Classes below a base, as far as the library itself defines them."""
+    """Classes below a base, as far as the packages themselves define them."""
     found = set()
     for child in base.__subclasses__():
         found |= final_classes(child) or {child}
-    return {c for c in found if c.__module__.startswith("psstereo.")}
+    return {c for c in found if c.__module__.startswith(("psstereo.", "psstereo_synth."))}
 
 
 @pytest.mark.parametrize(
@@ -154,6 +166,11 @@ def final_classes(base: type) -> set[type]:
         (Light, set(LIGHTS.values())),
         (Camera, set(CAMERAS.values())),
         (Reader, {type(reader) for reader in READERS.values()}),
+        (Writer, {type(writer) for writer in WRITERS.values()}),
+        (Brdf, set(BRDFS.values())),
+        (Relief, set(RELIEFS.values())),
+        (Pattern, set(PATTERNS.values())),
+        (Fault, set(FAULTS.values())),
     ],
     ids=lambda value: value.__name__ if isinstance(value, type) else "",
 )
