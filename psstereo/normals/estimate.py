@@ -87,8 +87,8 @@ def estimate_normals(
     """
     method = LeastSquares() if solver is None else solver
     started = time.perf_counter()
-    state = method.prepare(capture.rig)  # before anything is decoded: a bad rig is told at once
     pixels = PixelSet.from_mask(capture.effective_mask)
+    state = method.prepare(capture.rig, len(pixels))  # before anything is decoded: a bad rig is told at once
     channels = gray_weights(gray, capture.stack.shape[3])
     conversion = _conversion(capture, channels.matrix, method.gate.saturation, clip, valid_range)
     job = _BlockJob(method, state, _flat_weights(weights, capture), pixels.indices, len(channels.matrix))

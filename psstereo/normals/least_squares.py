@@ -48,8 +48,12 @@ class LeastSquares(NormalSolver[RigFactor]):
     name: ClassVar[str] = "least-squares"
     summary: ClassVar[str] = "Lambert's law fitted to all observations that are not in shadow or saturated"
 
-    def prepare(self, rig: Rig) -> RigFactor:
+    assumes: ClassVar[str] = "the surface is matte"
+    avoid: ClassVar[str] = "the surface is glossy, or parts of it shade others"
+
+    def prepare(self, rig: Rig, pixels: int | None = None) -> RigFactor:
         """Factor the light matrix; see :meth:`NormalSolver.prepare`."""
+        del pixels  # linear algebra in blocks is as fast without compiled code
         return RigFactor.from_rig(rig)
 
     def solve(self, state: RigFactor, samples: Samples) -> PixelNormals:

@@ -9,8 +9,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import ClassVar, Generic, TypeVar
 
+from psstereo.errors import RigError
 from psstereo.lights import Rig
 from psstereo.normals.gate import GATES, Gate
+from psstereo.normals.verdict import VerdictArray
 from psstereo.types import FlagArray, FloatArray
 
 __all__ = ["NormalSolver", "PixelNormals", "Samples"]
@@ -28,10 +30,13 @@ class Samples:
         Linear brightness divided by the light's strength; NaN where an observation is not usable.
     weights : float array (m, p) or None
         Non-negative weights, the inverse variances up to a factor; all 1 if absent. Zero leaves an observation out.
+    verdicts : bool
+        Whether the solver is to say what it made of each observation.
     """
 
     values: FloatArray
     weights: FloatArray | None = None
+    verdicts: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +53,19 @@ class PixelNormals:
         Bits of :class:`psstereo.flags.Flag`.
     used : int array (p,)
         Observations used.
+    covariance : float64 array (p, 6) or None
+        Covariance of the unit normal's error, entries xx, xy, yy, xz, yz, zz; it has no part along the normal, and its
+        trace is the square of `uncertainty` [rad²].
+    verdicts : uint8 array (m, p) or None
+        What was made of each observation, if that was asked for; see :class:`psstereo.normals.verdict.Verdict`.
     """
 
     scaled: FloatArray
     uncertainty: FloatArray
     flags: FlagArray
     used: FlagArray
+    covariance: FloatArray | None = None
+    verdicts: VerdictArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,16 +80,43 @@ class NormalSolver(ABC, Generic[StateT]):
 
     name: ClassVar[str]
     summary: ClassVar[str]
+    assumes: ClassVar[str]
+    """What has to be true of the surface, as a clause."""
+    avoid: ClassVar[str]
+    """When not to use it, as a clause."""
+    least_lights: ClassVar[int] = 3
+    """Lights below which it refuses."""
+    pays_from: ClassVar[int] = 3
+    """Lights from which it is better than plain least squares where its assumption holds."""
     gate: Gate = field(default_factory=lambda: GATES["auto"])
 
+    def require_lights(self, rig: Rig) -> None:
+        """Refuse a rig with too few lights for this method, or with directions that cannot give normals.
+
+        Raises
+        ------
+        RigError
+            With the methods that would serve.
+        """
+        rig.require_spanning()
+        if len(rig) < self.least_lights:
+            raise RigError(
+                given=f"There are {len(rig)} lights.",
+                needed=f"The solver {self.name} needs {self.least_lights} or more.",
+                remedy="Use the solver least-squares, or take more images.",
+            )
+
     @abstractmethod
-    def prepare(self, rig: Rig) -> StateT:
+    def prepare(self, rig: Rig, pixels: int | None = None) -> StateT:
         """Do once what all pixels share.
 
         Parameters
         ----------
         rig : Rig
             The lights.
+        pixels : int, optional
+            How many pixels will be solved in all: little work is not worth loading compiled code for. Not known if
+            absent, and taken for little.
 
         Raises
         ------
