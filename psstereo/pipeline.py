@@ -2,15 +2,16 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from psstereo.capture import Capture
 from psstereo.depth import Integrator, Poisson, triangulate
-from psstereo.normals import LeastSquares, NormalSolver, estimate_normals
+from psstereo.normals import Gate, NormalSolver, default_solver, estimate_normals
 from psstereo.results import DepthResult, NormalsResult, Outcome, Step
 from psstereo.surface_mesh import SurfaceMesh
-from psstereo.types import Map, Progress, no_progress
+from psstereo.types import BoolArray, Map, Progress, no_progress
+from psstereo.verdict import VerdictArray
 
 __all__ = ["Options", "Reconstruction", "reconstruct"]
 
@@ -21,19 +22,24 @@ class Options:
 
     Attributes
     ----------
-    solver : NormalSolver
-        Method for the normals.
+    solver : NormalSolver or None
+        Method for the normals; :func:`psstereo.normals.default_solver` chooses if absent.
+    gate : Gate or None
+        Which observations are left out, instead of what the solver has for its gate.
     integrator : Integrator or None
         Method for the depth; None leaves depth and mesh out.
-    gray, clip, valid_range, max_memory, workers
+    gray, clip, valid_range, observation_mask, verdicts, max_memory, workers
         As in :func:`psstereo.normals.estimate_normals`.
     """
 
-    solver: NormalSolver[Any] = field(default_factory=LeastSquares)
+    solver: NormalSolver[Any] | None = None
+    gate: Gate | None = None
     integrator: Integrator | None = field(default_factory=Poisson)
     gray: str | Sequence[float] = "mean"
     clip: float | None = None
     valid_range: tuple[float, float] | None = None
+    observation_mask: BoolArray | VerdictArray | None = None
+    verdicts: bool = False
     max_memory: int | None = None
     workers: int = 1
 
@@ -76,7 +82,7 @@ def reconstruct(
     capture : Capture
         Images, lights, camera, mask.
     options : Options, optional
-        How; least squares and Poisson integration if absent.
+        How; the default solver and Poisson integration if absent.
     over : map-like
         Executes independent pieces, such as the ``map`` of a thread pool.
     progress : callable
@@ -93,18 +99,21 @@ def reconstruct(
         If the capture cannot be used; see :func:`psstereo.normals.estimate_normals`.
     """
     chosen = options or Options()
+    solver, why = _solver(capture, chosen)
     normals = estimate_normals(
         capture,
-        chosen.solver,
+        solver,
         gray=chosen.gray,
         clip=chosen.clip,
         valid_range=chosen.valid_range,
+        observation_mask=chosen.observation_mask,
+        verdicts=chosen.verdicts,
         max_memory=chosen.max_memory,
         workers=chosen.workers,
         over=over,
         progress=progress,
     )
-    steps = [*_preparation(capture), *_solving(capture, chosen, normals)]
+    steps = [*_preparation(capture), *_solving(capture, solver, why, normals)]
     if chosen.integrator is None:
         steps.append(Step(name="depth and mesh", done=False, reason="Only normals were asked for."))
         return Reconstruction(normals=normals, depth=None, mesh=None, steps=tuple(steps))
@@ -132,25 +141,39 @@ def _preparation(capture: Capture) -> list[Step]:
     ]
 
 
-def _solving(capture: Capture, options: Options, normals: NormalsResult) -> list[Step]:
-    facts, gate = normals.facts, options.solver.gate
+def _solver(capture: Capture, options: Options) -> tuple[NormalSolver[Any], str]:
+    """Return the solver and, if nobody named one, why it was taken."""
+    solver, why = options.solver, ""
+    if solver is None:
+        choice = default_solver(capture.rig)
+        solver, why = choice.solver, choice.reason
+    return (solver if options.gate is None else replace(solver, gate=options.gate)), why
+
+
+def _solving(capture: Capture, solver: NormalSolver[Any], why: str, normals: NormalsResult) -> list[Step]:
+    facts, gate = normals.facts, solver.gate
     saturation = "No valid range was given, and the gate leaves saturated values in."
     if facts["valid_range"] is not None:
         saturation = f"Values outside {facts['valid_range'][0]:.3g} to {facts['valid_range'][1]:.3g} of full scale."
     elif gate.saturation:
         saturation = "The images hold floating-point values without a full scale."
     shadow = "Observations in shadow were left out." if gate.shadow else "The gate leaves shadowed observations in."
+    by_hand = facts["left_out_by_hand"]
+    masked = (
+        "There is no mask of observations." if by_hand is None else f"{by_hand} observations were left out by hand."
+    )
     tiled = facts["samples_in"] != "memory"
     where = f"{facts['sample_bytes'] / 1e6:.0f} MB of samples were kept in {facts['samples_in']}."
     return [
         Step(name="reading", done=True, reason=f"{len(capture.stack)} images.", seconds=normals.seconds["read"]),
         Step(name="saturation gate", done=facts["valid_range"] is not None, reason=saturation),
         Step(name="shadow gate", done=gate.shadow, reason=shadow),
+        Step(name="observation mask", done=by_hand is not None, reason=masked),
         Step(name="tiling", done=tiled, reason=where),
         Step(
-            name=f"normals ({options.solver.name})",
+            name=f"normals ({solver.name})",
             done=True,
-            reason=f"{facts['pixels']} pixels under {facts['lights']} lights.",
+            reason=" ".join(filter(None, (f"{facts['pixels']} pixels under {facts['lights']} lights.", why))),
             seconds=normals.seconds["solve"],
         ),
     ]

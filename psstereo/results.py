@@ -6,6 +6,7 @@ from enum import Enum
 from typing import Any
 
 from psstereo.types import FlagArray, FloatArray, IntArray
+from psstereo.verdict import VerdictArray
 
 __all__ = ["AlbedoKind", "DepthKind", "DepthResult", "NormalsResult", "Outcome", "Step"]
 
@@ -70,6 +71,14 @@ class NormalsResult:
         Plain figures for the record: options used, light conditioning, counts, what was left out.
     seconds : mapping
         Wall-clock seconds by stage [s].
+    verdicts : uint8 array (m, h, w) or None
+        What was made of each observation, :class:`psstereo.verdict.Verdict`, and 255 outside the mask; if asked for.
+    covariance : float array (h, w, 6) or None
+        Covariance of the normal's error, entries xx, xy, yy, xz, yz, zz, without a part along the normal; its trace is
+        the square of `uncertainty`, and NaN stands where that does. If asked for [rad²].
+    used : float array (h, w) or None
+        Observations that the covariance rests on: with three unknowns its variance has ``used − 3`` degrees of
+        freedom. For several channels an equivalent number, not whole. NaN outside the mask. Beside `covariance` [1].
     """
 
     normals: FloatArray
@@ -80,6 +89,9 @@ class NormalsResult:
     outcome: Outcome = Outcome.SOLVED
     facts: Mapping[str, Any] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
+    verdicts: VerdictArray | None = None
+    covariance: FloatArray | None = None
+    used: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

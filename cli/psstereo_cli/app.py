@@ -13,6 +13,8 @@ from psstereo_cli.commands.demo import demo
 from psstereo_cli.commands.evaluate import evaluate
 from psstereo_cli.commands.info import info
 from psstereo_cli.commands.reconstruct import reconstruct
+from psstereo_cli.commands.solvers import solvers
+from psstereo_cli.commands.synth import synth
 from psstereo_cli.failure import report_failure
 
 __all__ = ["app", "main"]
@@ -30,6 +32,8 @@ app = typer.Typer(
 app.command()(reconstruct)
 app.command()(evaluate)
 app.command()(info)
+app.command()(solvers)
+app.command()(synth)
 app.command()(demo)
 app.command()(bench)
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from psstereo.errors import OptionError
 from psstereo.types import Map
 
-__all__ = ["available_threads", "keep_freed_memory", "parse_floats", "parse_size", "threaded"]
+__all__ = ["available_threads", "keep_freed_memory", "parse_floats", "parse_image_size", "parse_size", "threaded"]
 
 _KEPT = 2**25
 """Largest piece of memory that is kept, glibc's own upper bound [byte]."""
@@ -96,3 +96,22 @@ def parse_floats(text: str, count: int | None, what: str) -> tuple[float, ...]:
             remedy="Write decimal points, and commas only between the numbers.",
         )
     return values
+
+
+def parse_image_size(text: str) -> tuple[int, int]:
+    """Read the size of an image, width before height, and return rows and columns.
+
+    Examples
+    --------
+    >>> parse_image_size("256"), parse_image_size("612x512")
+    ((256, 256), (512, 612))
+    """
+    match = re.fullmatch(r"\s*(\d{1,9})(?:\s*[x×]\s*(\d{1,9}))?\s*", text.lower())
+    if match is None:
+        raise OptionError(
+            given=f"The size of the images is {text!r}.",
+            needed="One number for a square, or width x height, such as 256 or 612x512.",
+            remedy="Write whole numbers of pixels.",
+        )
+    width = int(match[1])
+    return (int(match[2]) if match[2] else width), width

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from psstereo.errors import ExistingResultError, MissingFileError, UnreadableFileError
+from psstereo.io.verdict_files import edited_pictures
 
 __all__ = ["RECORD", "new_folder", "require_free"]
 
@@ -17,8 +18,10 @@ RECORD = "run.json"
 _LITTER = frozenset({".DS_Store", "Thumbs.db", "desktop.ini"})
 """What file managers leave behind."""
 _NAMES = frozenset({RECORD, "report.html"}) | _LITTER
-_STEMS = frozenset({"normals", "albedo", "depth", "uncertainty", "flags", "mesh"})
+_STEMS = frozenset({"normals", "albedo", "depth", "uncertainty", "flags", "mesh", "verdicts"})
 """What a result folder may hold; one with anything else in it is somebody's work and is never removed."""
+_VERDICTS = "verdicts"
+"""A folder in it, of pictures that somebody may have painted in since."""
 
 
 def require_free(folder: Path, *, overwrite: bool, names: Collection[str] | None = None) -> None:
@@ -70,9 +73,13 @@ def _require_result(folder: Path) -> None:
             remedy="Choose another folder with -o.",
         )
     foreign = sorted(p.name for p in folder.iterdir() if p.name not in _NAMES and (p.stem not in _STEMS or p.is_dir()))
+    if (folder / _VERDICTS).is_dir():
+        foreign.remove(_VERDICTS)
+        foreign += [name for name in edited_pictures(folder / _VERDICTS) if Path(name).name not in _LITTER]
     if foreign:
+        names = ", ".join(foreign[:4]) + (" …" if len(foreign) > 4 else "")
         raise ExistingResultError(
-            given=f"{folder} holds what no result has: {', '.join(foreign[:4])}{' …' if len(foreign) > 4 else ''}.",
+            given=f"{folder} holds what no run has written: {names}.",
             needed="A folder is replaced only if nothing else would be lost.",
             remedy="Move that away, or choose another folder with -o.",
         )

@@ -13,6 +13,7 @@ from psstereo.io.atomic import RECORD, new_folder
 from psstereo.io.mesh_file import write_mesh
 from psstereo.io.normal_map import write_normal_map
 from psstereo.io.pictures import albedo_picture, depth_picture, write_png
+from psstereo.io.verdict_files import write_verdicts
 from psstereo.results import DepthKind, DepthResult, NormalsResult
 from psstereo.surface_mesh import SurfaceMesh
 from psstereo.types import Array, FloatArray
@@ -59,7 +60,8 @@ def write_result(
     folder : Path
         Where; it must be new, empty, or with `overwrite` an earlier result.
     normals : NormalsResult
-        Becomes ``normals.npy``, ``albedo.npy``, ``uncertainty.npy`` [deg], ``flags.npy``; two pictures.
+        Becomes ``normals.npy``, ``albedo.npy``, ``uncertainty.npy`` [deg], ``flags.npy``; two pictures. Verdicts
+        become ``verdicts.npz`` and the folder ``verdicts``, see :mod:`psstereo.io.verdict_files`.
     depth : DepthResult, optional
         Becomes ``depth.npy``, ``depth.png``.
     mesh : SurfaceMesh, optional
@@ -83,6 +85,8 @@ def write_result(
         _save(work / "flags.npy", normals.flags, np.uint16)
         write_normal_map(normals.normals, work / "normals.png")
         write_png(work / "albedo.png", albedo_picture(_showable(normals.albedo)))
+        if normals.verdicts is not None:
+            write_verdicts(work, normals.verdicts)
         if depth is not None:
             _save(work / "depth.npy", depth.depth, np.float32)
             near_is_small = depth.kind is DepthKind.DISTANCE

@@ -1,19 +1,29 @@
 """Normals and albedo from brightness under several lights."""
 
 from psstereo.normals.catalogue import NORMAL_SOLVERS
+from psstereo.normals.configure import SolverOption, configure_solver, solver_options
+from psstereo.normals.default import DefaultSolver, default_solver
 from psstereo.normals.estimate import estimate_normals
 from psstereo.normals.gate import GATES, Gate, gate
 from psstereo.normals.least_squares import LeastSquares
 from psstereo.normals.solver import NormalSolver, PixelNormals, Samples
+from psstereo.normals.verdict import OUTSIDE, Verdict
 
 __all__ = [
     "GATES",
     "NORMAL_SOLVERS",
+    "OUTSIDE",
+    "DefaultSolver",
     "Gate",
     "LeastSquares",
     "NormalSolver",
     "PixelNormals",
     "Samples",
+    "SolverOption",
+    "Verdict",
+    "configure_solver",
+    "default_solver",
     "estimate_normals",
     "gate",
+    "solver_options",
 ]

@@ -3,10 +3,20 @@
 from typing import Any
 
 from psstereo.normals.least_squares import LeastSquares
+from psstereo.normals.low_rank import LowRank
+from psstereo.normals.response_bend import ResponseBend
+from psstereo.normals.robust import Robust
 from psstereo.normals.solver import NormalSolver
+from psstereo.normals.sparse_bayesian import SparseBayesian
+from psstereo.normals.trimmed import Trimmed
 
 __all__ = ["NORMAL_SOLVERS"]
 
 NORMAL_SOLVERS: dict[str, type[NormalSolver[Any]]] = {
     LeastSquares.name: LeastSquares,
+    LowRank.name: LowRank,
+    Robust.name: Robust,
+    Trimmed.name: Trimmed,
+    SparseBayesian.name: SparseBayesian,
+    ResponseBend.name: ResponseBend,
 }

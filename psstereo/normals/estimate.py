@@ -6,7 +6,6 @@ who solves which block and when, so the answer is the same to the last bit for a
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,16 @@ from psstereo.capture import Capture
 from psstereo.errors import InputError
 from psstereo.flags import Flag, fatal_mask
 from psstereo.lights import StrengthUnit
-from psstereo.normals.channels import combine_channels
-from psstereo.normals.least_squares import LeastSquares
-from psstereo.normals.memory import BLOCK, MemoryPlan, plan_memory
-from psstereo.normals.solver import NormalSolver, Samples
+from psstereo.normals.blocks import Answer, BlockJob, solve_blocks
+from psstereo.normals.configure import solver_settings
+from psstereo.normals.default import default_solver
+from psstereo.normals.memory import MemoryPlan, plan_memory
+from psstereo.normals.observations import checked_mask, count_left_out
+from psstereo.normals.solver import NormalSolver
+from psstereo.normals.verdict import VerdictArray
 from psstereo.results import AlbedoKind, NormalsResult, Outcome
 from psstereo.stack import Conversion, MemoryStore, PixelSet, SampleStore, SpillStore, gather, gray_weights
-from psstereo.types import FlagArray, FloatArray, IntArray, Map, Progress, no_progress
+from psstereo.types import BoolArray, FloatArray, Map, Progress, no_progress
 
 __all__ = ["estimate_normals"]
 
@@ -37,6 +39,9 @@ def estimate_normals(
     clip: float | None = None,
     valid_range: tuple[float, float] | None = None,
     weights: FloatArray | None = None,
+    observation_mask: BoolArray | VerdictArray | None = None,
+    verdicts: bool = False,
+    covariance: bool = False,
     max_memory: int | None = None,
     workers: int = 1,
     over: Map = map,
@@ -49,7 +54,7 @@ def estimate_normals(
     capture : Capture
         Images, lights, mask.
     solver : NormalSolver, optional
-        The method; least squares with shadow and saturation gates if absent.
+        The method; :func:`psstereo.normals.default_solver` chooses if absent.
     gray : str or sequence of float
         How channels become one value, a name in :data:`psstereo.stack.GRAY` or one weight a channel; or
         ``"per-channel"``: every channel is solved and the albedo has channels.
@@ -60,6 +65,13 @@ def estimate_normals(
         absent: below 0.98 where saturated values are left out and the images have a full scale.
     weights : float array (m, h, w), optional
         Weights of the observations, inverse variances up to a factor; zero leaves one out.
+    observation_mask : bool or uint8 array (m, h, w), optional
+        Observations that a person leaves out: False where one may not take part. Or verdicts, of an earlier result and
+        edited perhaps: USED and NOT_NEEDED may take part, everything else may not. Their verdict becomes UNUSABLE.
+    verdicts : bool
+        Whether to tell what was made of each observation; one byte each.
+    covariance : bool
+        Whether to tell the covariance of each normal's error, and on how many observations it rests.
     max_memory : int, optional
         Bound for arrays [byte]. If the samples do not fit they wait in a temporary file.
     workers : int
@@ -72,37 +84,59 @@ def estimate_normals(
     Returns
     -------
     NormalsResult
-        Normals, albedo, uncertainty and flags; float64 for float64 images, float32 otherwise.
+        Normals, albedo, uncertainty and flags, and what else was asked for; float64 for float64 images, float32
+        otherwise.
 
     Raises
     ------
     RigError
         If the lights cannot give normals.
     UnsupportedError
-        If the solver does not work with such lights.
+        If the solver does not work with such lights, or does not tell what is asked for.
     InputError
-        If images are black, or do not fit each other, the mask or the weights.
+        If images are black, or do not fit each other, the mask, the weights or the observation mask.
     OptionError
         If an option's value is unknown.
     """
-    method = LeastSquares() if solver is None else solver
+    method = default_solver(capture.rig).solver if solver is None else solver
     started = time.perf_counter()
     pixels = PixelSet.from_mask(capture.effective_mask)
     state = method.prepare(capture.rig, len(pixels))  # before anything is decoded: a bad rig is told at once
     channels = gray_weights(gray, capture.stack.shape[3])
     conversion = _conversion(capture, channels.matrix, method.gate.saturation, clip, valid_range)
-    job = _BlockJob(method, state, _flat_weights(weights, capture), pixels.indices, len(channels.matrix))
+    job = BlockJob(
+        solver=method,
+        state=state,
+        pixels=pixels,
+        channels=len(channels.matrix),
+        weights=_flat_weights(weights, capture),
+        mask=checked_mask(observation_mask, capture.stack.shape[:3]),
+        verdicts=verdicts,
+        covariance=covariance,
+    )
+    left_out = None if job.mask is None else count_left_out(job.mask, pixels.indices)
     undoing = (0 if capture.response.is_linear else 8) + (0 if capture.dark is None else 8)
-    plan = plan_memory(capture.stack, pixels, len(channels.matrix), max_memory, workers, undoing=undoing)
+    plan = plan_memory(
+        capture.stack,
+        pixels,
+        job.channels,
+        max_memory,
+        workers,
+        undoing=undoing,
+        masked=job.mask is not None,
+        verdicts=verdicts,
+        covariance=covariance,
+    )
     with _store(plan) as store:
         largest = gather(capture.stack, pixels, conversion, store, over=over, progress=progress)
-        _require_light(largest, capture.stack.names)
+        _require_light(largest, capture.stack.names, None if left_out is None else left_out == len(pixels))
         read = time.perf_counter()
-        answer = _solve_blocks(job, store, plan, over, progress)
+        answer = solve_blocks(job, store, plan, over, progress)
     del job, state  # and the working arrays with them
     facts = {
         "solver": method.name,
         "gate": method.gate.name,
+        "options": solver_settings(method),
         "gray": channels.name,
         "clip": clip,
         "valid_range": None if conversion.valid is None else [v / capture.stack.white for v in conversion.valid],
@@ -112,83 +146,10 @@ def estimate_normals(
         "pixels": len(pixels),
         "samples_in": "memory" if plan.in_memory else "temporary file",
         "sample_bytes": plan.sample_bytes,
+        "left_out_by_hand": None if left_out is None else int(left_out.sum()),
     }
     seconds = {"read": read - started, "solve": time.perf_counter() - read}
     return _assemble(answer, pixels, capture, facts, seconds)
-
-
-_GROUP = 8
-"""Blocks that an executor gets at once; one at a time, threads would wait for each other more than they work."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Answer:
-    """Values of all pixels under the mask: normals (p, 3), albedo (p, c), uncertainty (p,), flags (p,)."""
-
-    normals: FloatArray
-    albedo: FloatArray
-    uncertainty: FloatArray
-    flags: FlagArray
-
-
-@dataclass(frozen=True, eq=False)
-class _BlockJob:
-    """Solves one block of pixels, all its channels."""
-
-    solver: NormalSolver[Any]
-    state: Any
-    weights: FloatArray | None  # (m, h · w); a block's are picked when it is solved, so that they are not held twice
-    indices: IntArray
-    channels: int
-
-    def solve_group(self, blocks: list[tuple[int, FloatArray]]) -> list[_Answer]:
-        """Solve some blocks one after the other."""
-        return [self(block) for block in blocks]
-
-    def __call__(self, block: tuple[int, FloatArray]) -> _Answer:
-        start, values = block
-        weights = None
-        if self.weights is not None:
-            weights = self.weights[:, self.indices[start : start + values.shape[2]]].astype(np.float64)
-        parts = [self.solver.solve(self.state, Samples(values[k], weights)) for k in range(self.channels)]
-        if self.channels > 1:
-            return _Answer(*combine_channels(parts))
-        part = parts[0]
-        length = np.sqrt((part.scaled * part.scaled).sum(axis=1))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            normals = part.scaled / length[:, None]
-        return _Answer(normals, length[:, None], part.uncertainty, part.flags)
-
-
-def _solve_blocks(job: _BlockJob, store: SampleStore, plan: MemoryPlan, over: Map, progress: Progress) -> _Answer:
-    from threadpoolctl import threadpool_limits
-
-    _, _, count = store.shape
-    dtype = plan.dtype
-    out = _Answer(
-        np.zeros((count, 3), dtype),
-        np.zeros((count, job.channels), dtype),
-        np.zeros(count, dtype),
-        np.zeros(count, np.uint16),
-    )
-    # One thread a block: linear algebra that splits a block itself would round differently from run to run.
-    with threadpool_limits(1, user_api="blas"):
-        for tile in range(0, count, plan.tile):
-            stop = min(tile + plan.tile, count)
-            _solve_tile(job, tile, store.read(tile, stop), out, over=over, progress=progress)
-    return out
-
-
-def _solve_tile(job: _BlockJob, tile: int, values: FloatArray, out: _Answer, *, over: Map, progress: Progress) -> None:
-    """Solve the blocks of one tile; a function of its own so that one tile is gone before the next is read."""
-    blocks = [(tile + s, values[:, :, s : s + BLOCK]) for s in range(0, values.shape[2], BLOCK)]
-    groups = [blocks[i : i + _GROUP] for i in range(0, len(blocks), _GROUP)]
-    for group, answers in zip(groups, over(job.solve_group, groups), strict=True):
-        for (start, part), answer in zip(group, answers, strict=True):
-            where = slice(start, start + part.shape[2])
-            out.normals[where], out.albedo[where] = answer.normals, answer.albedo
-            out.uncertainty[where], out.flags[where] = answer.uncertainty, answer.flags
-        progress("solving pixels", where.stop, len(out.flags))
 
 
 def _conversion(
@@ -239,10 +200,11 @@ def _store(plan: MemoryPlan) -> SampleStore:
     return kind(plan.shape, plan.dtype)
 
 
-def _require_light(largest: FloatArray, names: tuple[str, ...]) -> None:
+def _require_light(largest: FloatArray, names: tuple[str, ...], left_out: BoolArray | None) -> None:
     """Refuse images that hold nothing; least squares would take them for deep shadow everywhere."""
-    black = np.flatnonzero(largest <= 0)
-    if len(black) == len(names):
+    dark = largest <= 0
+    black = np.flatnonzero(dark if left_out is None else dark & ~left_out)
+    if len(black) and dark.all():
         raise InputError(
             given="All images are black under the mask.",
             needed="The object must be visible.",
@@ -258,7 +220,7 @@ def _require_light(largest: FloatArray, names: tuple[str, ...]) -> None:
 
 
 def _assemble(
-    answer: _Answer, pixels: PixelSet, capture: Capture, facts: dict[str, Any], seconds: dict[str, float]
+    answer: Answer, pixels: PixelSet, capture: Capture, facts: dict[str, Any], seconds: dict[str, float]
 ) -> NormalsResult:
     """Spread the pixels' values over the image and say what they mean."""
     flags = answer.flags
@@ -282,7 +244,16 @@ def _assemble(
         uncertainty=pixels.scatter(answer.uncertainty),
         flags=pixels.scatter(flags, int(Flag.OUTSIDE_MASK)),
         albedo_kind=kind,
-        outcome=Outcome.PARTIAL if lost else Outcome.SOLVED,
+        outcome=_outcome(answer, lost),
         facts={**facts, "pixels_lost": lost},
         seconds=seconds,
+        verdicts=None if answer.verdicts is None else answer.verdicts.reshape(-1, *pixels.shape),
+        covariance=None if answer.covariance is None else pixels.scatter(answer.covariance),
+        used=None if answer.used is None else pixels.scatter(answer.used),
     )
+
+
+def _outcome(answer: Answer, lost: int) -> Outcome:
+    if (answer.flags & np.uint16(Flag.NOT_CONVERGED)).any():
+        return Outcome.NOT_CONVERGED
+    return Outcome.PARTIAL if lost else Outcome.SOLVED

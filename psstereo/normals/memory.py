@@ -17,6 +17,9 @@ BLOCK = 2048
 _BLOCK_ARRAYS = 7.0
 """Working arrays of a block in float64: masks, weights, refits included; test_memory holds solvers to it."""
 
+_COVARIANCE = 40
+"""Numbers of a pixel in float64 that are held while its covariance is worked out."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class MemoryPlan:
@@ -44,7 +47,16 @@ class MemoryPlan:
 
 
 def plan_memory(
-    stack: ImageStack, pixels: PixelSet, values: int, max_memory: int | None, workers: int, *, undoing: int = 0
+    stack: ImageStack,
+    pixels: PixelSet,
+    values: int,
+    max_memory: int | None,
+    workers: int,
+    *,
+    undoing: int = 0,
+    masked: bool = False,
+    verdicts: bool = False,
+    covariance: bool = False,
 ) -> MemoryPlan:
     """Decide where the samples wait.
 
@@ -62,6 +74,10 @@ def plan_memory(
         Images decoded, and blocks solved, at the same time.
     undoing : int
         What undoing a response or a dark level takes while an image is decoded [byte a channel of a pixel].
+    masked : bool
+        Whether observations are left out by a mask, which is applied to a copy of each block.
+    verdicts, covariance : bool
+        Whether they are asked for.
 
     Returns
     -------
@@ -77,21 +93,26 @@ def plan_memory(
     dtype = sample_dtype(stack)
     count = len(pixels)
     total = values * m * count * dtype.itemsize
-    # Normals, albedo, uncertainty and flags of a pixel; they become images when the working arrays are gone.
-    pixel = (4 + values) * dtype.itemsize + 2
+    # Normals, albedo, uncertainty and flags of a pixel, six numbers and a count of its covariance; they become images
+    # when the working arrays are gone.
+    pixel = (4 + values + 7 * covariance) * dtype.itemsize + 2
     result = count * (pixel + 16)
     box = (pixels.box[0].stop - pixels.box[0].start) * (pixels.box[1].stop - pixels.box[1].start)
     decoding = workers * (
         h * w * c * (stack.dtype.itemsize + 1) + box * ((c + values + 1) * dtype.itemsize + c * undoing)
     )
     solving = int(workers * m * BLOCK * 8 * _BLOCK_ARRAYS)
-    fixed = result + max(decoding, solving, h * w * pixel)
+    solving += workers * BLOCK * (m * values * (dtype.itemsize + 2) * masked + 2 * m * values * verdicts)
+    solving += workers * BLOCK * 8 * _COVARIANCE * values * covariance
+    # Verdicts fill their images at once; those of a tile may wait for them if a thread falls behind.
+    fixed = result + max(decoding, solving, h * w * pixel) + m * h * w * verdicts
     whole = MemoryPlan(
         shape=(values, m, count), dtype=dtype, in_memory=True, tile=-(-count // BLOCK) * BLOCK, sample_bytes=total
     )
-    if max_memory is None or total + fixed <= max_memory:
+    waiting = m * BLOCK * verdicts
+    if max_memory is None or total + fixed + waiting * (whole.tile // BLOCK) <= max_memory:
         return whole
-    block = values * m * BLOCK * dtype.itemsize
+    block = values * m * BLOCK * dtype.itemsize + waiting
     room = (max_memory - fixed) // block
     if room < 1:
         raise InputError(

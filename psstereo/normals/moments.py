@@ -23,7 +23,7 @@ from psstereo.lights import Rig
 from psstereo.scratch import Scratch
 from psstereo.types import BoolArray, FloatArray
 
-__all__ = ["Factor", "RigFactor", "angular_spread", "cholesky", "solve_cholesky"]
+__all__ = ["Factor", "RigFactor", "angular_covariance", "angular_spread", "cholesky", "solve_cholesky"]
 
 _SINGULAR = 1e-10
 """Pivot over trace below which a pixel's lights count as coplanar: 1e-5 of the rig's own spread, squared."""
@@ -133,11 +133,38 @@ def angular_spread(r_inverse: FloatArray, factor: Factor | None, normals: FloatA
     float64 array (p,)
         Angle for σ equal to the albedo [rad].
     """
-    m = np.broadcast_to(r_inverse[:, :, None], (3, 3, 1)) if factor is None else _spread_matrix(r_inverse, factor)
-    along = (m * normals[:, None]).sum(axis=0)
-    across = m - normals[:, None] * along  # subtract the vectors, not their squares: no cancellation
+    across = _across(r_inverse, factor, normals)
     across *= across
     return np.asarray(np.sqrt(across.sum(axis=(0, 1))))
+
+
+def angular_covariance(r_inverse: FloatArray, factor: Factor | None, normals: FloatArray) -> FloatArray:
+    """Return the covariance of a unit normal's error for σ equal to the albedo; see :func:`angular_spread`.
+
+    Parameters
+    ----------
+    r_inverse : float64 array (3, 3)
+        R⁻¹ of the rig.
+    factor : Factor or None
+        Cholesky factors G of the pixels' matrices, None where all are the identity.
+    normals : float64 array (3, p)
+        Unit normals.
+
+    Returns
+    -------
+    float64 array (p, 6)
+        Entries xx, xy, yy, xz, yz, zz; their trace is the square of what :func:`angular_spread` returns [rad²].
+    """
+    x, y, z = _across(r_inverse, factor, normals)
+    pairs = ((x, x), (x, y), (y, y), (x, z), (y, z), (z, z))
+    return np.stack([(first * second).sum(axis=0) for first, second in pairs], axis=1)
+
+
+def _across(r_inverse: FloatArray, factor: Factor | None, normals: FloatArray) -> FloatArray:
+    """Return the part of every pixel's M across its normal, (3, 3, p)."""
+    m = np.broadcast_to(r_inverse[:, :, None], (3, 3, 1)) if factor is None else _spread_matrix(r_inverse, factor)
+    along = (m * normals[:, None]).sum(axis=0)
+    return np.asarray(m - normals[:, None] * along)  # subtract the vectors, not their squares: no cancellation
 
 
 def _spread_matrix(r_inverse: FloatArray, factor: Factor) -> FloatArray:

@@ -32,11 +32,14 @@ class Samples:
         Non-negative weights, the inverse variances up to a factor; all 1 if absent. Zero leaves an observation out.
     verdicts : bool
         Whether the solver is to say what it made of each observation.
+    covariance : bool
+        Whether the solver is to tell the covariance of its error.
     """
 
     values: FloatArray
     weights: FloatArray | None = None
     verdicts: bool = False
+    covariance: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +57,8 @@ class PixelNormals:
     used : int array (p,)
         Observations used.
     covariance : float64 array (p, 6) or None
-        Covariance of the unit normal's error, entries xx, xy, yy, xz, yz, zz; it has no part along the normal, and its
-        trace is the square of `uncertainty` [rad²].
+        Covariance of the unit normal's error, entries xx, xy, yy, xz, yz, zz, if that was asked for; it has no part
+        along the normal, and its trace is the square of `uncertainty` [rad²].
     verdicts : uint8 array (m, p) or None
         What was made of each observation, if that was asked for; see :class:`psstereo.normals.verdict.Verdict`.
     """

@@ -5,7 +5,7 @@ import numpy as np
 from psstereo.errors import InputError
 from psstereo.types import FloatArray
 
-__all__ = ["ring", "spiral"]
+__all__ = ["arc", "ring", "spiral"]
 
 
 def spiral(count: int, *, max_tilt: float = np.radians(60.0)) -> FloatArray:
@@ -60,6 +60,36 @@ def ring(count: int, *, tilt: float = np.arctan(np.sqrt(2.0))) -> FloatArray:
     turn = 2 * np.pi * np.arange(count) / count
     flat = np.full(count, np.cos(tilt))
     return np.stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), flat], axis=1)
+
+
+def arc(count: int, *, max_tilt: float = np.radians(60.0), azimuth: float = 0.0) -> FloatArray:
+    """Spread directions along an arc over the view, all in one plane: what a sun near the equator does.
+
+    Such a rig cannot tell normals, since all directions lie in one plane; it is here to be refused.
+
+    Parameters
+    ----------
+    count : int
+        Number of directions.
+    max_tilt : float
+        Angle to the view of the first and last one [rad].
+    azimuth : float
+        Where the arc ends, from right toward up [rad].
+
+    Returns
+    -------
+    float64 array (m, 3)
+        Unit directions toward the lights [1].
+
+    Raises
+    ------
+    InputError
+        If the count is below one.
+    """
+    _require(count)
+    tilt = np.linspace(-max_tilt, max_tilt, count) if count > 1 else np.zeros(1)
+    flat = np.sin(tilt)
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.cos(tilt)], axis=1)
 
 
 def _require(count: int) -> None:

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from psstereo.errors import InputError
 from psstereo_synth import ring, spiral
+from psstereo_synth.rigs import arc
 
 
 @settings(max_examples=40, deadline=None)
@@ -62,3 +63,15 @@ def test_no_light_is_no_rig(make, count):
     with pytest.raises(InputError, match=f"{count} lights") as caught:
         make(count)
     assert "at least one" in caught.value.needed
+
+
+def test_arc_lies_in_one_plane_from_end_to_end():
+    rows = arc(7, max_tilt=np.radians(50), azimuth=np.radians(120))
+    assert np.allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-15)
+    normal = [-np.sin(np.radians(120)), np.cos(np.radians(120)), 0]
+    assert np.allclose(rows @ normal, 0, atol=1e-15)
+    along = rows[:, 0] * np.cos(np.radians(120)) + rows[:, 1] * np.sin(np.radians(120))
+    assert np.allclose(np.degrees(np.arctan2(along, rows[:, 2])), np.linspace(-50, 50, 7))
+    assert arc(1).tolist() == [[0, 0, 1]]
+    with pytest.raises(InputError):
+        arc(0)

@@ -9,6 +9,7 @@ from psstereo_cli.options import Format, Json, Lights, LightsLayout, Mask, Overw
 
 if TYPE_CHECKING:
     from psstereo.capture import Capture
+    from psstereo.normals import NormalSolver
     from psstereo.pipeline import Options, Reconstruction
 
 __all__ = ["reconstruct", "run_and_save"]
@@ -28,12 +29,34 @@ def reconstruct(
         float | None, typer.Option(help="Upper bound for brightness over light strength; published baselines use 1.")
     ] = None,
     gate: Annotated[
-        str, typer.Option(help="Observations left out: none, shadow, saturation, or auto for both.")
-    ] = "auto",
+        str | None, typer.Option(help="Observations left out: none, shadow, saturation, or auto for both.")
+    ] = None,
     valid_range: Annotated[
         str | None, typer.Option(help="Shares of full scale such as 0.01,0.98; values outside are left out.")
     ] = None,
-    solver: Annotated[str, typer.Option(help="Method for the normals.")] = "least-squares",
+    solver: Annotated[
+        str | None,
+        typer.Option(help="Method for the normals, from `psstereo solvers`; chosen by the lights if not given."),
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(help="Option of the solver, KEY=VALUE, as often as needed; `psstereo solvers NAME` lists them."),
+    ] = None,
+    verdicts: Annotated[
+        bool,
+        typer.Option(
+            "--verdicts",
+            help="Write what was made of each observation: verdicts.npz, and pictures to paint in (white used, blue"
+            " shadow, yellow highlight, magenta dark outlier, red unusable, gray not needed, black outside).",
+        ),
+    ] = False,
+    observation_mask: Annotated[
+        Path | None,
+        typer.Option(
+            help="Observations to use: verdicts.npz, a .npy file, or the folder of painted verdicts; white and gray"
+            " take part."
+        ),
+    ] = None,
     normals_only: Annotated[bool, typer.Option("--normals-only", help="Leave depth and mesh out.")] = False,
     integrator: Annotated[str, typer.Option(help="Method for the depth.")] = "poisson",
     threads: Threads = None,
@@ -50,8 +73,16 @@ def reconstruct(
     """Recover normals, albedo, depth and mesh from photographs under several lights.
 
     Example: `psstereo reconstruct photos -o result --mask photos/mask.png`
+
+    With a method and its options: `psstereo reconstruct photos -o result --solver least-squares --option gate=none`
+
+    Look at what was left out, paint in it, and use that: `psstereo reconstruct photos -o first --verdicts`, then
+    `psstereo reconstruct photos -o second --observation-mask first/verdicts`
     """
+    from dataclasses import replace
+
     from psstereo.io.atomic import require_free
+    from psstereo.io.verdict_files import read_observation_mask
     from psstereo_cli.console import progress_bars
     from psstereo_cli.execution import available_threads, keep_freed_memory, parse_size, threaded
     from psstereo_cli.loading import load_capture
@@ -61,7 +92,8 @@ def reconstruct(
     memory = parse_size(max_memory)
     # Every thread needs room of its own; where that is short, two are enough unless more are asked for.
     count = threads or (available_threads() if memory is None else min(2, available_threads()))
-    options = _options(gray, clip, gate, valid_range, solver, integrator, memory, count, normals_only=normals_only)
+    options = _options(gray, clip, gate, valid_range, integrator, memory, count, normals_only=normals_only)
+    options = replace(options, solver=_solver(solver, option or [], gate), verdicts=verdicts)
     with threaded(count) as over, progress_bars() as progress:
         capture, _ = load_capture(
             folder,
@@ -73,18 +105,52 @@ def reconstruct(
             over=over,
             progress=progress,
         )
+        if observation_mask is not None:
+            mask_of_observations = read_observation_mask(observation_mask, capture.stack.shape[:3])
+            options = replace(options, observation_mask=mask_of_observations)
         result, record = run_and_save(
             capture, options, out, command="reconstruct", overwrite=overwrite, over=over, progress=progress
         )
     _tell(out, record, result, as_json=as_json)
 
 
+def _solver(name: str | None, words: list[str], gate: str | None) -> "NormalSolver[Any] | None":
+    """Build the solver that was named; an unknown option is told before any image is read."""
+    from psstereo.catalogue import choose
+    from psstereo.errors import OptionError
+    from psstereo.normals import NORMAL_SOLVERS, configure_solver
+
+    if name is None:
+        if words:
+            raise OptionError(
+                given=f"There is the option {words[0]} and no solver.",
+                needed="Each solver has options of its own.",
+                remedy="Name it with --solver; psstereo solvers lists them.",
+            )
+        return None
+    kind = choose(NORMAL_SOLVERS, name, "solver")
+    settings: dict[str, str] = {}
+    for word in words:
+        key, sign, value = word.partition("=")
+        if not sign or not key.strip() or not value.strip() or key in settings:
+            raise OptionError(
+                given=f"The option is {word!r}{', and was given before' if key in settings else ''}.",
+                needed="KEY=VALUE, each key once, such as gate=none.",
+                remedy=f"psstereo solvers {name} lists the keys.",
+            )
+        settings[key] = value
+    if gate is not None and "gate" in {key.strip() for key in settings}:
+        raise OptionError(
+            given="The gate was given twice, by --gate and by --option.", needed="One.", remedy="Leave one out."
+        )
+    return configure_solver(kind, settings)
+
+
 def _options(
     gray: str,
     clip: float | None,
-    gate: str,
+    gate: str | None,
     valid_range: str | None,
-    solver: str,
     integrator: str,
     max_memory: int | None,
     threads: int,
@@ -95,7 +161,7 @@ def _options(
     from psstereo.catalogue import choose
     from psstereo.depth import INTEGRATORS
     from psstereo.errors import OptionError
-    from psstereo.normals import GATES, NORMAL_SOLVERS
+    from psstereo.normals import GATES
     from psstereo.pipeline import Options
     from psstereo.stack.gray import GRAY, PER_CHANNEL
     from psstereo_cli.execution import parse_floats
@@ -109,7 +175,7 @@ def _options(
     method = choose(INTEGRATORS, integrator, "integrator")
     low_high = None if valid_range is None else parse_floats(valid_range, 2, "valid range")
     return Options(
-        solver=choose(NORMAL_SOLVERS, solver, "solver")(gate=choose(GATES, gate, "gate")),
+        gate=None if gate is None else choose(GATES, gate, "gate"),
         integrator=None if normals_only else method(threads=threads),
         gray=parse_floats(gray, None, "gray") if "," in gray else gray,
         clip=clip,

@@ -1,0 +1,442 @@
+"""Robust regression of three unknowns at every pixel: the readable reference.
+
+Each pixel solves ``min Σ_i g_i ρ_s(y_i − q_i·x)`` over the lights that its own fit sees as lit, q_i the rows of the
+orthonormal factor of the light matrix. The steps are these.
+
+1. **Start.** Least squares over the observations whose brightness has a rank from `low` to `high` among those that are
+   not dark against the brightest: shadows are below, highlights above.
+2. **Rounds** of iteratively reweighted least squares with the chosen loss. The scale s is first the median residual of
+   the lit observations, then follows the weights: ``s² = Σ w r² / (c Σ w)``, with c such that s is the standard
+   deviation of Gaussian residuals. Under a redescending loss it shrinks to the floor where most residuals pile up at
+   zero, and stays where they do not.
+3. **What is left over**, when the loss is to be chosen (`ADAPTIVE`). Three things are told apart by the residuals of a
+   Geman–McClure fit, pixel by pixel:
+
+   * white: neighbouring lights have unrelated residuals. They are noise, so Tukey's loss takes over with the scale
+     frozen; it uses nearly all that the data hold.
+   * structured, but piled up at zero: a matte surface with highlights or cast shadows. The fit stands.
+   * structured and spread out: the surface is not matte. The fit is repeated over the middle ranks of brightness
+     (`middle` ± half of `width`), where reflectance is closest to Lambert's law, and highlights and shadows are not.
+
+   Structure is Moran's statistic [1]_ of the residuals within four scales, between each light and its nearest
+   neighbours on the dome: about 0 for noise, toward 1 for a smooth error of the model.
+4. **Polish.** One weighted solution with the final weights in double precision.
+
+Quantiles are found by bisection, which compares whole rows at a time; ten steps are a thousandth of the range.
+
+References
+----------
+.. [1] P. A. P. Moran, "Notes on continuous stochastic phenomena", Biometrika 37, 17-23, 1950. doi:10.2307/2332142
+.. [2] P. J. Huber, E. M. Ronchetti, "Robust Statistics", 2nd ed., Wiley, 2009. doi:10.1002/9780470434697
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from psstereo.types import Array, BoolArray, FloatArray, IntArray
+from psstereo.verdict import Verdict
+
+__all__ = ["ADAPTIVE", "CONSISTENCY", "LOSSES", "MAD", "QUARTILE", "Kind", "RobustFit", "Settings", "robust_fit"]
+
+LOSSES: dict[str, float] = {
+    "l1": 1.0,
+    "huber": 1.345,
+    "cauchy": 2.385,
+    "geman-mcclure": 1.0,
+    "tukey": 4.685,
+    "welsch": 2.985,
+}
+"""Losses with their tuning constants, in scales; the order gives their numbers. Those of 95 % efficiency under Gaussian
+noise, but for Geman–McClure's, which is kept narrow to find the mode."""
+
+ADAPTIVE = len(LOSSES)
+"""Number of the loss that is chosen by the residuals."""
+
+_GEMAN_MCCLURE, _TUKEY = 3, 4
+
+
+MAD = 1.4826022185056018
+"""Standard deviation over the median of the absolute value, of Gaussian noise [1]."""
+QUARTILE = 3.138344200661294
+"""Standard deviation over the quartile of the absolute value, of Gaussian noise [1]."""
+CONSISTENCY = (
+    0.1255378914539751,
+    0.8556923434719558,
+    0.7948426858499678,
+    0.3113590848375961,
+    0.8280730033893932,
+    0.8166857237133057,
+    1.0,
+)
+"""``E[w r²] / E[w]`` of Gaussian noise of unit scale, by loss, the last for least squares; a test integrates them."""
+
+
+class Kind:
+    """What the residuals of a pixel are like."""
+
+    WHITE = 0
+    PILED_UP = 1
+    STRUCTURED = 2
+    PLAIN = 3
+    """Too few lit observations for a robust step; left to least squares."""
+    UNSOLVED = 4
+    """The observations of middle brightness do not span space; left to least squares."""
+
+
+class Settings(NamedTuple):
+    """Numbers of a robust fit; a plain tuple, so that compiled code takes it as it is."""
+
+    loss: int
+    tuning: float
+    scale: float  # standard deviation of the noise, 0 to estimate it
+    low: float
+    high: float
+    dark: float  # share of the albedo below which a prediction counts as shadow
+    floor: float  # of the scale, as a share of the 'high' quantile of brightness
+    structure: float  # Moran's statistic for 96 observations from which residuals are structured
+    piled: float  # ratio of the scales by quartile and by median below which residuals pile up at zero
+    small: float  # scale, as a share of brightness, below which nothing needs explaining
+    middle: float
+    width: float
+    keep: float  # observations that the middle ranks hold at least
+    rounds: int
+    tolerance: float
+    least: int  # lit observations from which a robust step is taken
+
+
+class RobustFit(NamedTuple):
+    """What was found at some pixels.
+
+    Attributes
+    ----------
+    x : float64 array (p, 3)
+        Scaled normals in the basis of Q; NaN where `kind` is PLAIN or UNSOLVED.
+    matrix : float64 array (p, 6)
+        ``Σ g q qᵀ`` of the observations looked at, entries 11, 12, 22, 13, 23, 33.
+    variance : float64 array (p,)
+        Factor that makes the inverse of `matrix` the covariance of x; NaN where it cannot be told.
+    scale : float64 array (p,)
+        Standard deviation of the residuals that are not outliers.
+    used : int64 array (p,)
+        Observations with at least a quarter of their full weight.
+    looked_at : int64 array (p,)
+        Lit observations within the ranks that were fitted.
+    kind : int64 array (p,)
+        One of :class:`Kind`.
+    converged : bool array (p,)
+        Whether the last rounds moved the normal by less than the tolerance.
+    verdicts : uint8 array (m, p), or (0, 0) if not asked for
+        See :class:`psstereo.verdict.Verdict`.
+    """
+
+    x: FloatArray
+    matrix: FloatArray
+    variance: FloatArray
+    scale: FloatArray
+    used: IntArray
+    looked_at: IntArray
+    kind: IntArray
+    converged: BoolArray
+    verdicts: Array
+
+
+def robust_fit(
+    values: FloatArray,
+    weights: FloatArray | None,
+    q: FloatArray,
+    r_inverse: FloatArray,
+    neighbours: IntArray,
+    settings: Settings,
+    verdicts: bool,
+) -> RobustFit:
+    """Solve some pixels.
+
+    Parameters
+    ----------
+    values : float array (m, p)
+        Brightness over light strength, NaN where not usable.
+    weights : float array (m, p) or None
+        Weights of the observations; zero leaves one out.
+    q : float64 array (m, 3)
+        Orthonormal factor of the light matrix.
+    r_inverse : float64 array (3, 3)
+        Inverse of its triangular factor.
+    neighbours : int array (2, k)
+        Pairs of a light and one that is near it.
+    settings : Settings
+        How.
+    verdicts : bool
+        Whether to judge each observation.
+
+    Returns
+    -------
+    RobustFit
+        What was found.
+    """
+    return _Pixels(values, weights, q, r_inverse, neighbours, settings).solve(verdicts)
+
+
+class _Pixels:
+    """All pixels of a block side by side; arrays are (m, p) or (p,)."""
+
+    def __init__(
+        self,
+        values: FloatArray,
+        weights: FloatArray | None,
+        q: FloatArray,
+        r_inverse: FloatArray,
+        neighbours: IntArray,
+        settings: Settings,
+    ) -> None:
+        given = np.asarray(values, np.float64)
+        usable = np.isfinite(given)
+        if weights is not None:
+            usable &= weights > 0
+        self.usable = usable.sum(axis=0)
+        raw = np.where(usable, given, 0.0)
+        self.brightest = raw.max(axis=0)
+        self.fit_at_all = (self.usable >= 3) & (self.brightest > 0)
+        self.y = raw / np.where(self.fit_at_all, self.brightest, 1.0)
+        g = usable.astype(np.float64) if weights is None else np.where(usable, weights, 0.0)
+        self.g = g / np.maximum(g.max(axis=0), 1e-300)
+        self.q, self.r_inverse, self.neighbours, self.s = q, r_inverse, neighbours, settings
+
+    def solve(self, verdicts: bool) -> RobustFit:
+        """Go through the steps of the module's description."""
+        s, y, g = self.s, self.y, self.g
+        adaptive = s.loss == ADAPTIVE
+        first = _GEMAN_MCCLURE if adaptive else s.loss
+        tuning = LOSSES["geman-mcclure"] if adaptive else s.tuning
+        mass = g.sum(axis=0)
+        bright = g * (y >= s.dark)
+        high = _quantile(y, bright, np.ones_like(mass), s.high * bright.sum(axis=0), 10)
+        low = _quantile(y, bright, np.ones_like(mass), s.low * bright.sum(axis=0), 10)
+        x, ok = self._start(bright * ((y >= low - 1e-3) & (y <= high)))
+        ok &= self.fit_at_all
+        floor = s.floor * high
+        scale = np.maximum(self._by_quantile(x, g, 0.5, 11) * MAD, floor)
+        given = s.scale / np.where(self.brightest > 0, self.brightest, 1.0)
+        scale = given if s.scale > 0 else scale
+        lit = np.count_nonzero(self._lit(x, g), axis=0)
+        plain = self.fit_at_all & (np.minimum(lit, np.count_nonzero(bright, axis=0)) < s.least)
+        ok |= plain
+        gate, loss, factor = g.copy(), np.full(len(mass), first), np.full(len(mass), tuning)
+        kind = np.where(plain, Kind.PLAIN, Kind.PILED_UP if adaptive else Kind.WHITE)
+        settled = np.zeros(len(mass), np.bool_)
+        todo = ok & ~plain
+        self._iterate(todo, first, tuning, gate, x, scale, floor, settled, frozen=s.scale > 0)
+        if adaptive:
+            by_median = np.maximum(self._by_quantile(x, g, 0.5, 11) * MAD, floor)
+            kind = np.where(plain, kind, self._kinds(x, scale, by_median, high))
+            white, structured = todo & (kind == Kind.WHITE), todo & (kind == Kind.STRUCTURED)
+            loss, factor = np.where(white, _TUKEY, loss), np.where(white, LOSSES["tukey"], factor)
+            scale[white] = (given if s.scale > 0 else by_median)[white]
+            self._iterate(white, _TUKEY, LOSSES["tukey"], gate, x, scale, floor, settled, frozen=True)
+            gate = np.where(structured, self._middle(mass), gate)
+            scale[structured] = by_median[structured]
+            self._iterate(structured, first, tuning, gate, x, scale, floor, settled, frozen=s.scale > 0)
+        return self._result(ok, x, gate, scale, loss, factor, kind, settled, verdicts)
+
+    def _start(self, gate: FloatArray) -> tuple[FloatArray, BoolArray]:
+        x, ok = _solve(*self._moments(gate, self.y))
+        return np.where(ok, x, 0.0), ok
+
+    def _moments(self, w: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        a, b, c = self.q.T
+        table = np.stack([a * a, a * b, b * b, a * c, b * c, c * c])
+        return table @ w, self.q.T @ (w * y)
+
+    def _albedo(self, x: FloatArray) -> FloatArray:
+        return np.asarray(np.sqrt(((self.r_inverse @ x) ** 2).sum(axis=0)))
+
+    def _lit(self, x: FloatArray, gate: FloatArray) -> FloatArray:
+        return np.asarray(gate * (self.q @ x > self.s.dark * self._albedo(x)))
+
+    def _by_quantile(self, x: FloatArray, gate: FloatArray, share: float, steps: int) -> FloatArray:
+        size, lit = np.abs(self.y - self.q @ x), self._lit(x, gate)
+        top = np.where(lit > 0, size, 0.0).max(axis=0)
+        return _quantile(size, lit, top, share * lit.sum(axis=0), steps)
+
+    def _iterate(
+        self,
+        todo: BoolArray,
+        loss: int,
+        tuning: float,
+        gate: FloatArray,
+        x: FloatArray,
+        scale: FloatArray,
+        floor: FloatArray,
+        settled: BoolArray,
+        *,
+        frozen: bool,
+    ) -> None:
+        """Run rounds at some pixels, in place; each stops on its own."""
+        active = np.flatnonzero(todo)
+        settled[active] = False
+        for _ in range(self.s.rounds):
+            if len(active) == 0:
+                return
+            part = self._some(active)
+            r = part.y - part.q @ x[:, active]
+            w = weight(loss, r / (tuning * scale[active])) * part._lit(x[:, active], gate[:, active])
+            new, ok = _solve(*part._moments(w, part.y))
+            active, new, r, w = active[ok], new[:, ok], r[:, ok], w[:, ok]
+            if not frozen:
+                square = (w * r * r).sum(axis=0) / np.maximum(w.sum(axis=0), 1e-30)
+                scale[active] = np.maximum(np.sqrt(square / CONSISTENCY[loss]), floor[active])
+            step = ((new - x[:, active]) ** 2).sum(axis=0)
+            x[:, active] = new
+            done = step <= self.s.tolerance**2 * (new * new).sum(axis=0)
+            settled[active] = done
+            active = active[~done]
+
+    def _some(self, pixels: IntArray) -> "_Pixels":
+        part = object.__new__(_Pixels)
+        part.__dict__.update(self.__dict__)
+        part.y, part.g = self.y[:, pixels], self.g[:, pixels]
+        return part
+
+    def _kinds(self, x: FloatArray, scale: FloatArray, by_median: FloatArray, high: FloatArray) -> IntArray:
+        by_quartile = self._by_quantile(x, self.g, 0.25, 12) * QUARTILE
+        r = self.y - self.q @ x
+        kept = ((np.abs(r) < 4 * scale) & (self._lit(x, self.g) > 0)).astype(np.float64)
+        count = kept.sum(axis=0)
+        r = (r - (r * kept).sum(axis=0) / np.maximum(count, 1)) * kept
+        one, other = self.neighbours
+        products, pairs = (r[one] * r[other]).sum(axis=0), (kept[one] * kept[other]).sum(axis=0)
+        variance = (r * r).sum(axis=0) / np.maximum(count, 1)
+        moran = products / np.maximum(pairs, 1) / (variance + 1e-30)
+        uneven = (by_median > self.s.small * high) & (moran > self.s.structure * np.sqrt(96.0 / np.maximum(count, 1)))
+        spread_out = by_quartile > self.s.piled * by_median
+        return np.where(uneven, np.where(spread_out, Kind.STRUCTURED, Kind.PILED_UP), Kind.WHITE)
+
+    def _middle(self, mass: FloatArray) -> FloatArray:
+        width = np.minimum(1.0, np.maximum(self.s.width, self.s.keep / np.maximum(self.usable, 1)))
+        start = np.minimum(np.maximum(0.0, self.s.middle - width / 2), 1.0 - width)
+        low = _quantile(self.y, self.g, np.ones_like(mass), start * mass, 11)
+        high = _quantile(self.y, self.g, np.ones_like(mass), (start + width) * mass, 11)
+        return np.asarray(self.g * ((self.y >= low - 5e-4) & (self.y <= high)))
+
+    def _result(
+        self,
+        ok: BoolArray,
+        x: FloatArray,
+        gate: FloatArray,
+        scale: FloatArray,
+        loss: IntArray,
+        factor: FloatArray,
+        kind: IntArray,
+        settled: BoolArray,
+        verdicts: bool,
+    ) -> RobustFit:
+        """Polish, and tell how sure it is."""
+        r, lit = self.y - self.q @ x, self._lit(x, gate)
+        t = r / (factor * scale)
+        w, slope = np.zeros_like(r), np.zeros_like(r)
+        for number in range(len(CONSISTENCY)):
+            these = loss == number
+            w[:, these] = weight(number, t[:, these]) * lit[:, these]
+            slope[:, these] = weight_slope(number, t[:, these])
+        polished, fine = _solve(*self._moments(w, self.y))
+        x = np.where(fine, polished, x)
+        looked, used = np.count_nonzero(lit, axis=0), np.count_nonzero((lit > 0) & (w >= 0.25 * lit), axis=0)
+        with np.errstate(all="ignore"):
+            mean = (slope * lit).sum(axis=0) / lit.sum(axis=0)
+            spread = (slope * slope * lit).sum(axis=0) / lit.sum(axis=0) - mean * mean
+            correction = 1 + 3.0 / looked * spread / (mean * mean)
+            variance = correction**2 * ((w * r) ** 2).sum(axis=0) / (looked - 3) / (mean * mean)
+            rough = (loss == 0) | ~(mean > 0)
+            variance = np.where(rough, np.pi / 2 * scale**2, variance) * self.brightest**2
+        found = np.where(ok & fine, kind, np.where(ok & (kind == Kind.PLAIN), Kind.PLAIN, Kind.UNSOLVED))
+        ok &= fine & (kind != Kind.PLAIN)
+        judged: Array = np.zeros((0, 0), np.uint8)
+        if verdicts:
+            judged = self._judge(ok, x, gate, w, scale)
+        return RobustFit(
+            x=np.where(ok, x * self.brightest, np.nan).T,
+            matrix=np.where(ok, self._moments(lit, self.y)[0], 0.0).T,
+            variance=np.where(ok & (looked > 3), variance, np.nan),
+            scale=np.where(ok, scale * self.brightest, np.nan),
+            used=np.where(ok, used, 0),
+            looked_at=np.where(ok, looked, 0),
+            kind=found,
+            converged=ok & settled,
+            verdicts=judged,
+        )
+
+    def _judge(self, ok: BoolArray, x: FloatArray, gate: FloatArray, w: FloatArray, scale: FloatArray) -> Array:
+        p = self.q @ x
+        dark = self.s.dark * self._albedo(x)
+        r = self.y - p
+        choices = (
+            (self.g == 0, Verdict.UNUSABLE),
+            (~ok & (self.g > 0), Verdict.USED),
+            ((p <= dark) | (self.y <= dark), Verdict.SHADOW),
+            (w >= 0.25 * self.g, Verdict.USED),
+            (r > 3 * scale, Verdict.HIGHLIGHT),
+            (r < -3 * scale, Verdict.DARK_OUTLIER),
+            (gate == 0, Verdict.NOT_NEEDED),
+        )
+        return np.select([c for c, _ in choices], [np.uint8(v) for _, v in choices], np.uint8(Verdict.USED))
+
+
+def weight(loss: int, t: FloatArray) -> FloatArray:
+    """Return the weights of a loss for residuals over tuning constant and scale."""
+    v = t * t
+    by_loss: tuple[Any, ...] = (
+        lambda: 1 / np.maximum(np.abs(t), 1e-3),
+        lambda: 1 / np.maximum(np.abs(t), 1.0),
+        lambda: 1 / (1 + v),
+        lambda: 1 / (1 + v) ** 2,
+        lambda: np.maximum(1 - v, 0) ** 2,
+        lambda: np.exp(-v),
+        lambda: np.ones_like(t),
+    )
+    return np.asarray(by_loss[loss]())
+
+
+def weight_slope(loss: int, t: FloatArray) -> FloatArray:
+    """Return the derivative of r · weight by r; its mean says how much of the data a loss uses."""
+    v = t * t
+    by_loss: tuple[Any, ...] = (
+        lambda: np.ones_like(t),
+        lambda: (v < 1).astype(np.float64),
+        lambda: (1 - v) / (1 + v) ** 2,
+        lambda: (1 - 3 * v) / (1 + v) ** 3,
+        lambda: np.where(v < 1, (1 - v) * (1 - 5 * v), 0.0),
+        lambda: (1 - 2 * v) * np.exp(-v),
+        lambda: np.ones_like(t),
+    )
+    return np.asarray(by_loss[loss]())
+
+
+def _quantile(a: FloatArray, g: FloatArray, top: FloatArray, want: FloatArray, steps: int) -> FloatArray:
+    """Return the values below which `want` of the weights lie, by bisection on 0 … top."""
+    low, high = np.zeros_like(top), np.array(top)
+    for _ in range(steps):
+        middle = 0.5 * (low + high)
+        below = (g * (a < middle)).sum(axis=0) < want
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return high
+
+
+def _solve(a: FloatArray, b: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Solve 3 × 3 systems by Cholesky; False where one is singular, and x is NaN there."""
+    tiny = 1e-7 * (a[0] + a[2] + a[5])
+    with np.errstate(all="ignore"):
+        l00 = np.sqrt(np.where(a[0] > tiny, a[0], np.nan))
+        l10, l20 = a[1] / l00, a[3] / l00
+        d = a[2] - l10 * l10
+        l11 = np.sqrt(np.where(d > tiny, d, np.nan))
+        l21 = (a[4] - l20 * l10) / l11
+        d = a[5] - l20 * l20 - l21 * l21
+        l22 = np.sqrt(np.where(d > tiny, d, np.nan))
+        z0 = b[0] / l00
+        z1 = (b[1] - l10 * z0) / l11
+        z2 = (b[2] - l20 * z0 - l21 * z1) / l22
+        x2 = z2 / l22
+        x1 = (z1 - l21 * x2) / l11
+        x0 = (z0 - l10 * x1 - l20 * x2) / l00
+    x = np.stack([x0, x1, x2])
+    return x, np.isfinite(x).all(axis=0)

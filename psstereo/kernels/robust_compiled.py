@@ -1,0 +1,518 @@
+"""Robust regression at every pixel, compiled: the twin of :mod:`psstereo.kernels.robust`, which explains it.
+
+All rounds of a pixel run before the next pixel is looked at, in single precision and within the first-level cache;
+loops over lights are branch-free, so that they become vector instructions. Only the last solution is in double
+precision. Sixteen pixels are transposed at a time, since a column of a (m, p) block lies in as many cache lines.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from psstereo.kernels.robust import CONSISTENCY, MAD, QUARTILE, Kind, RobustFit, Settings
+from psstereo.types import Array, FloatArray, IntArray
+from psstereo.verdict import Verdict
+
+__all__ = ["robust_fit"]
+
+F = np.float32
+_ZERO, _HALF, _ONE, _TWO, _THREE, _FIVE = F(0), F(0.5), F(1), F(2), F(3), F(5)
+_TOGETHER = 16
+_CONSISTENCY = np.array(CONSISTENCY, np.float32)
+_MAD, _QUARTILE = F(MAD), F(QUARTILE)
+_TUKEY, _TUKEY_TUNING = 4, 4.685
+_WHITE, _PILED_UP, _STRUCTURED = Kind.WHITE, Kind.PILED_UP, Kind.STRUCTURED
+_PLAIN, _UNSOLVED = Kind.PLAIN, Kind.UNSOLVED
+_USED, _SHADOW, _HIGHLIGHT = int(Verdict.USED), int(Verdict.SHADOW), int(Verdict.HIGHLIGHT)
+_DARK_OUTLIER, _UNUSABLE, _NOT_NEEDED = int(Verdict.DARK_OUTLIER), int(Verdict.UNUSABLE), int(Verdict.NOT_NEEDED)
+
+# Nothing here is NaN or infinite (that is sorted out before), and sums may be taken in any fixed order.
+_loop: Any = njit(
+    nogil=True, cache=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz", "arcp", "contract", "reassoc"}
+)
+_plain: Any = njit(nogil=True, cache=True, error_model="numpy")
+
+
+@_loop
+def _quantile(a, g, top, want, steps):
+    """Return the value below which `want` of the weights g lie, by bisection on 0 … top."""
+    low, high = _ZERO, top
+    for _ in range(steps):
+        middle = _HALF * (low + high)
+        below = _ZERO
+        for i in range(len(a)):
+            below += g[i] if a[i] < middle else _ZERO
+        if below < want:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@_loop
+def _between(y, g, low, high, out):
+    for i in range(len(y)):
+        out[i] = g[i] if (y[i] >= low and y[i] <= high) else _ZERO
+
+
+@_loop
+def _residuals(y, g, q, x, dark, r, size, lit):
+    """Fill residuals, their sizes, and the weights of lit observations; return the sum of those, and the largest."""
+    x0, x1, x2 = F(x[0]), F(x[1]), F(x[2])
+    count, top = _ZERO, _ZERO
+    for i in range(len(y)):
+        p = q[0, i] * x0 + q[1, i] * x1 + q[2, i] * x2
+        e = y[i] - p
+        keep = g[i] if p > dark else _ZERO
+        a = abs(e)
+        r[i], size[i], lit[i] = e, a, keep
+        count += keep
+        top = max(top, a if keep > _ZERO else _ZERO)
+    return count, top
+
+
+@_loop
+def _weigh(loss, r, lit, inverse, w):
+    """Fill the weights of a loss; `inverse` is 1 / (tuning · scale)."""
+    if loss == 0:
+        for i in range(len(r)):
+            w[i] = lit[i] / max(abs(r[i] * inverse), F(1e-3))
+    elif loss == 1:
+        for i in range(len(r)):
+            w[i] = lit[i] / max(abs(r[i] * inverse), _ONE)
+    elif loss == 2:
+        for i in range(len(r)):
+            t = r[i] * inverse
+            w[i] = lit[i] / (_ONE + t * t)
+    elif loss == 3:
+        for i in range(len(r)):
+            t = r[i] * inverse
+            v = _ONE + t * t
+            w[i] = lit[i] / (v * v)
+    elif loss == 4:
+        for i in range(len(r)):
+            t = r[i] * inverse
+            v = max(_ONE - t * t, _ZERO)
+            w[i] = lit[i] * v * v
+    elif loss == 5:
+        for i in range(len(r)):
+            t = r[i] * inverse
+            w[i] = lit[i] * math.exp(-t * t)
+    else:
+        for i in range(len(r)):
+            w[i] = lit[i]
+
+
+@_loop
+def _slope(loss, r, lit, inverse):
+    """Return mean and variance over the lit observations of the derivative of r · w(r)."""
+    total, squares, count = _ZERO, _ZERO, _ZERO
+    for i in range(len(r)):
+        t = r[i] * inverse
+        v = t * t
+        if loss == 1:
+            d = _ONE if v < _ONE else _ZERO
+        elif loss == 2:
+            d = (_ONE - v) / ((_ONE + v) * (_ONE + v))
+        elif loss == 3:
+            d = (_ONE - _THREE * v) / ((_ONE + v) * (_ONE + v) * (_ONE + v))
+        elif loss == 4:
+            d = (_ONE - v) * (_ONE - _FIVE * v) if v < _ONE else _ZERO
+        elif loss == 5:
+            d = (_ONE - _TWO * v) * math.exp(-v)
+        else:
+            d = _ONE
+        total += lit[i] * d
+        squares += lit[i] * d * d
+        count += lit[i]
+    mean = total / count
+    return mean, squares / count - mean * mean
+
+
+@_loop
+def _moments(y, w, q, out):
+    """Fill Σ w q qᵀ (six entries) and Σ w q y (three)."""
+    a0, a1, a2, a3, a4, a5 = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+    b0, b1, b2 = _ZERO, _ZERO, _ZERO
+    for i in range(len(y)):
+        w0, w1, w2 = w[i] * q[0, i], w[i] * q[1, i], w[i] * q[2, i]
+        a0 += w0 * q[0, i]
+        a1 += w0 * q[1, i]
+        a2 += w1 * q[1, i]
+        a3 += w0 * q[2, i]
+        a4 += w1 * q[2, i]
+        a5 += w2 * q[2, i]
+        b0 += w0 * y[i]
+        b1 += w1 * y[i]
+        b2 += w2 * y[i]
+    out[0], out[1], out[2], out[3], out[4], out[5] = a0, a1, a2, a3, a4, a5
+    out[6], out[7], out[8] = b0, b1, b2
+
+
+@_loop
+def _moments64(y, w, q, x, out):
+    """Fill Σ w q qᵀ and Σ w q (y − q·x) in double precision."""
+    x0, x1, x2 = x[0], x[1], x[2]
+    a0, a1, a2, a3, a4, a5, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(len(y)):
+        v = np.float64(w[i])
+        e = y[i] - (q[0, i] * x0 + q[1, i] * x1 + q[2, i] * x2)
+        w0, w1, w2 = v * q[0, i], v * q[1, i], v * q[2, i]
+        a0 += w0 * q[0, i]
+        a1 += w0 * q[1, i]
+        a2 += w1 * q[1, i]
+        a3 += w0 * q[2, i]
+        a4 += w1 * q[2, i]
+        a5 += w2 * q[2, i]
+        b0 += w0 * e
+        b1 += w1 * e
+        b2 += w2 * e
+    out[0], out[1], out[2], out[3], out[4], out[5] = a0, a1, a2, a3, a4, a5
+    out[6], out[7], out[8] = b0, b1, b2
+
+
+@_loop
+def _round_geman_mcclure(y, g, q, x, dark, inverse, out):
+    """Residuals, weights and sums of one round at once: the loss of the first rounds, where most of the time goes."""
+    x0, x1, x2 = F(x[0]), F(x[1]), F(x[2])
+    a0, a1, a2, a3, a4, a5 = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+    b0, b1, b2, total, squares = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+    for i in range(len(y)):
+        p = q[0, i] * x0 + q[1, i] * x1 + q[2, i] * x2
+        e = y[i] - p
+        t = e * inverse
+        v = _ONE + t * t
+        w = g[i] / (v * v)
+        w = w if p > dark else _ZERO
+        w0, w1, w2 = w * q[0, i], w * q[1, i], w * q[2, i]
+        a0 += w0 * q[0, i]
+        a1 += w0 * q[1, i]
+        a2 += w1 * q[1, i]
+        a3 += w0 * q[2, i]
+        a4 += w1 * q[2, i]
+        a5 += w2 * q[2, i]
+        b0 += w0 * y[i]
+        b1 += w1 * y[i]
+        b2 += w2 * y[i]
+        total += w
+        squares += w * e * e
+    out[0], out[1], out[2], out[3], out[4], out[5] = a0, a1, a2, a3, a4, a5
+    out[6], out[7], out[8] = b0, b1, b2
+    return squares / max(total, F(1e-30))
+
+
+@_loop
+def _round_tukey(y, g, q, x, dark, inverse, out):
+    """Do the same for the loss of the last rounds."""
+    x0, x1, x2 = F(x[0]), F(x[1]), F(x[2])
+    a0, a1, a2, a3, a4, a5 = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+    b0, b1, b2, total, squares = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+    for i in range(len(y)):
+        p = q[0, i] * x0 + q[1, i] * x1 + q[2, i] * x2
+        e = y[i] - p
+        t = e * inverse
+        v = max(_ONE - t * t, _ZERO)
+        w = g[i] * v * v
+        w = w if p > dark else _ZERO
+        w0, w1, w2 = w * q[0, i], w * q[1, i], w * q[2, i]
+        a0 += w0 * q[0, i]
+        a1 += w0 * q[1, i]
+        a2 += w1 * q[1, i]
+        a3 += w0 * q[2, i]
+        a4 += w1 * q[2, i]
+        a5 += w2 * q[2, i]
+        b0 += w0 * y[i]
+        b1 += w1 * y[i]
+        b2 += w2 * y[i]
+        total += w
+        squares += w * e * e
+    out[0], out[1], out[2], out[3], out[4], out[5] = a0, a1, a2, a3, a4, a5
+    out[6], out[7], out[8] = b0, b1, b2
+    return squares / max(total, F(1e-30))
+
+
+@_loop
+def _spread(r, w):
+    """Return Σ w r² / Σ w and Σ (w r)²."""
+    total, squares, influence = _ZERO, _ZERO, _ZERO
+    for i in range(len(r)):
+        e = w[i] * r[i]
+        total += w[i]
+        squares += e * r[i]
+        influence += e * e
+    return squares / max(total, F(1e-30)), influence
+
+
+@_loop
+def _structure(r, size, lit, neighbours, limit, kept):
+    """Return Moran's statistic of the residuals within a limit, and their number; r is centred on the way."""
+    count, total = _ZERO, _ZERO
+    for i in range(len(r)):
+        k = _ONE if (size[i] < limit and lit[i] > _ZERO) else _ZERO
+        kept[i] = k
+        count += k
+        total += k * r[i]
+    mean = total / max(count, _ONE)
+    variance = _ZERO
+    for i in range(len(r)):
+        e = (r[i] - mean) * kept[i]
+        r[i] = e
+        variance += e * e
+    products, pairs = _ZERO, _ZERO
+    for k in range(neighbours.shape[1]):
+        i, j = neighbours[0, k], neighbours[1, k]
+        products += r[i] * r[j]
+        pairs += kept[i] * kept[j]
+    return (products / max(pairs, _ONE)) / (variance / max(count, _ONE) + F(1e-30)), count
+
+
+@_plain
+def _solve(o, x, out):
+    """Solve the 3 × 3 system in o by Cholesky, and put x + solution into out; False if it is singular."""
+    a00, a01, a11, a02, a12, a22 = float(o[0]), float(o[1]), float(o[2]), float(o[3]), float(o[4]), float(o[5])
+    tiny = 1e-7 * (a00 + a11 + a22)
+    if not a00 > tiny:
+        return False
+    l00 = math.sqrt(a00)
+    l10, l20 = a01 / l00, a02 / l00
+    d = a11 - l10 * l10
+    if not d > tiny:
+        return False
+    l11 = math.sqrt(d)
+    l21 = (a12 - l20 * l10) / l11
+    d = a22 - l20 * l20 - l21 * l21
+    if not d > tiny:
+        return False
+    l22 = math.sqrt(d)
+    z0 = float(o[6]) / l00
+    z1 = (float(o[7]) - l10 * z0) / l11
+    z2 = (float(o[8]) - l20 * z0 - l21 * z1) / l22
+    s2 = z2 / l22
+    s1 = (z1 - l21 * s2) / l11
+    s0 = (z0 - l10 * s1 - l20 * s2) / l00
+    out[0], out[1], out[2] = x[0] + s0, x[1] + s1, x[2] + s2
+    return True
+
+
+@_plain
+def _albedo(r_inverse, x):
+    """Return the length of the scaled normal."""
+    total = 0.0
+    for k in range(3):
+        b = r_inverse[k, 0] * x[0] + r_inverse[k, 1] * x[1] + r_inverse[k, 2] * x[2]
+        total += b * b
+    return math.sqrt(total)
+
+
+@_plain
+def _round_any(loss, y, g, q, x, dark, inverse, work, o):
+    """One round of any loss, in readable steps."""
+    r, size, lit, w = work[0], work[1], work[2], work[3]
+    _residuals(y, g, q, x, dark, r, size, lit)
+    _weigh(loss, r, lit, inverse, w)
+    _moments(y, w, q, o)
+    return _spread(r, w)[0]
+
+
+@_plain
+def _iterate(loss, tuning, scale, frozen, floor, y, g, q, r_inverse, x, settings, rounds, work, o):
+    """Run rounds of one loss from x; return the scale and whether they settled."""
+    for _ in range(rounds):
+        dark = F(settings.dark * _albedo(r_inverse, x))
+        inverse = _ONE / F(tuning * scale)
+        if loss == 3:
+            square = _round_geman_mcclure(y, g, q, x, dark, inverse, o)
+        elif loss == 4:
+            square = _round_tukey(y, g, q, x, dark, inverse, o)
+        else:
+            square = _round_any(loss, y, g, q, x, dark, inverse, work, o)
+        before0, before1, before2 = x[0], x[1], x[2]
+        x[0], x[1], x[2] = 0.0, 0.0, 0.0
+        if not _solve(o, x, x):
+            x[0], x[1], x[2] = before0, before1, before2
+            return scale, False
+        if not frozen:
+            scale = max(F(math.sqrt(square / _CONSISTENCY[loss])), floor)
+        step = (x[0] - before0) ** 2 + (x[1] - before1) ** 2 + (x[2] - before2) ** 2
+        if step <= settings.tolerance**2 * (x[0] ** 2 + x[1] ** 2 + x[2] ** 2):
+            return scale, True
+    return scale, False
+
+
+@_plain
+def _judge(y, g, gate, x, w, lit, r, scale, albedo, q, dark, verdicts, j):
+    """Write one verdict an observation."""
+    for i in range(len(y)):
+        p = q[0, i] * x[0] + q[1, i] * x[1] + q[2, i] * x[2]
+        if g[i] == 0:
+            verdicts[i, j] = _UNUSABLE
+        elif p <= dark * albedo or y[i] <= dark * albedo:
+            verdicts[i, j] = _SHADOW
+        elif w[i] >= 0.25 * g[i]:
+            verdicts[i, j] = _USED
+        elif y[i] - p > 3 * scale:
+            verdicts[i, j] = _HIGHLIGHT
+        elif y[i] - p < -3 * scale:
+            verdicts[i, j] = _DARK_OUTLIER
+        else:
+            verdicts[i, j] = _NOT_NEEDED if gate[i] == 0 else _USED
+
+
+@_plain
+def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, x_out, matrix, facts, counts, verdicts):
+    m, pixels = values.shape
+    rows, heavy = np.zeros((_TOGETHER, m)), np.ones((_TOGETHER, m))
+    y, y64, g, gate = np.zeros(m, np.float32), np.zeros(m), np.zeros(m, np.float32), np.zeros(m, np.float32)
+    work = np.zeros((5, m), np.float32)
+    o, o64, x, zero = np.zeros(9, np.float32), np.zeros(9), np.zeros(3), np.zeros(3)
+    adaptive = s.loss == 6
+    first = 3 if adaptive else s.loss
+    tuning = 1.0 if adaptive else s.tuning
+    for j in range(pixels):
+        if j % _TOGETHER == 0:
+            few = min(_TOGETHER, pixels - j)
+            for i in range(m):
+                for k in range(few):
+                    rows[k, i] = values[i, j + k]
+                    if weights.size:
+                        heavy[k, i] = weights[i, j + k]
+        row, weight = rows[j % _TOGETHER], heavy[j % _TOGETHER]
+        brightest, heaviest, usable = 0.0, 0.0, 0
+        for i in range(m):
+            v = row[i]
+            ok = v == v and abs(v) < np.inf and weight[i] > 0
+            y64[i] = v if ok else 0.0
+            g[i] = weight[i] if ok else 0.0
+            usable += 1 if ok else 0
+            brightest = max(brightest, y64[i])
+            heaviest = max(heaviest, float(g[i]))
+        counts[0, j], counts[1, j], counts[3, j] = 0, 0, usable
+        counts[2, j] = _UNSOLVED
+        facts[0, j], facts[1, j], facts[2, j] = np.nan, np.nan, 0.0
+        x_out[j, 0], x_out[j, 1], x_out[j, 2] = np.nan, np.nan, np.nan
+        if verdicts.size:
+            for i in range(m):
+                verdicts[i, j] = _UNUSABLE if g[i] == 0 else _USED
+        if usable < 3 or not brightest > 0:
+            continue
+        for i in range(m):
+            y64[i] /= brightest
+            y[i] = y64[i]
+            g[i] /= heaviest
+        mass = _ZERO
+        for i in range(m):
+            mass += g[i]
+        _between(y, g, F(s.dark), _TWO, work[2])
+        bright, bright_mass = 0, _ZERO
+        for i in range(m):
+            bright += 1 if work[2][i] > 0 else 0
+            bright_mass += work[2][i]
+        if bright < s.least:
+            counts[2, j] = _PLAIN
+            continue
+        low = _quantile(y, work[2], _ONE, F(s.low) * bright_mass, 10)
+        high = _quantile(y, work[2], _ONE, F(s.high) * bright_mass, 10)
+        _between(y, work[2], low - F(1e-3), high, gate)
+        _moments(y, gate, q32, o)
+        if not _solve(o, zero, x):
+            continue
+        floor = F(s.floor) * high
+        dark = F(s.dark * _albedo(r_inverse, x))
+        count, top = _residuals(y, g, q32, x, dark, work[0], work[1], work[2])
+        scale = max(_MAD * _quantile(work[1], work[2], top, _HALF * count, 11), floor)
+        if s.scale > 0:
+            scale = F(s.scale / brightest)
+        loss, kind, settled = first, _PILED_UP, True
+        for i in range(m):
+            gate[i] = g[i]
+        lit_count = 0
+        for i in range(m):
+            lit_count += 1 if work[2][i] > 0 else 0
+        if lit_count < s.least:
+            counts[2, j] = _PLAIN
+            continue
+        tuning_now = tuning
+        scale, settled = _iterate(
+            first, tuning, scale, s.scale > 0, floor, y, g, q32, r_inverse, x, s, s.rounds, work, o
+        )
+        if adaptive:
+            dark = F(s.dark * _albedo(r_inverse, x))
+            count, top = _residuals(y, g, q32, x, dark, work[0], work[1], work[2])
+            by_median = max(_MAD * _quantile(work[1], work[2], top, _HALF * count, 11), floor)
+            kind = _WHITE
+            if by_median > F(s.small) * high:
+                by_quartile = _QUARTILE * _quantile(work[1], work[2], top, F(0.25) * count, 12)
+                moran, within = _structure(work[0], work[1], work[2], neighbours, F(4) * scale, work[4])
+                if moran > s.structure * math.sqrt(96.0 / max(within, _ONE)):
+                    kind = _STRUCTURED if by_quartile > F(s.piled) * by_median else _PILED_UP
+            if kind == _WHITE:
+                loss, tuning_now = _TUKEY, _TUKEY_TUNING
+                noise = F(s.scale / brightest) if s.scale > 0 else by_median
+                scale, settled = _iterate(
+                    _TUKEY, _TUKEY_TUNING, noise, True, floor, y, g, q32, r_inverse, x, s, s.rounds, work, o
+                )
+            elif kind == _STRUCTURED:
+                width = min(1.0, max(s.width, s.keep / usable))
+                start = min(max(0.0, s.middle - width / 2), 1.0 - width)
+                low = _quantile(y, g, _ONE, F(start) * mass, 11)
+                high = _quantile(y, g, _ONE, F(start + width) * mass, 11)
+                _between(y, g, low - F(5e-4), high, gate)
+                scale, settled = _iterate(
+                    first, tuning, by_median, s.scale > 0, floor, y, gate, q32, r_inverse, x, s, s.rounds, work, o
+                )
+        # Polish in double precision with the weights as they are now.
+        albedo = _albedo(r_inverse, x)
+        _residuals(y, gate, q32, x, F(s.dark * albedo), work[0], work[1], work[2])
+        inverse = _ONE / F(tuning_now * scale)
+        _weigh(loss, work[0], work[2], inverse, work[3])
+        _moments64(y64, work[3], q64, x, o64)
+        if not _solve(o64, x, x):
+            continue
+        _moments64(y64, work[3], q64, x, o64)
+        _solve(o64, x, x)
+        _moments64(y64, work[2], q64, x, o64)
+        for k in range(6):
+            matrix[j, k] = o64[k]
+        used, looked = 0, 0
+        for i in range(m):
+            looked += 1 if work[2][i] > 0 else 0
+            used += 1 if (work[2][i] > 0 and work[3][i] >= F(0.25) * work[2][i]) else 0
+        _, influence = _spread(work[0], work[3])
+        mean, variance = _slope(loss, work[0], work[2], inverse)
+        if looked > 3 and mean > 0 and loss != 0:
+            correction = 1 + 3.0 / looked * variance / (mean * mean)
+            facts[0, j] = correction * correction * influence / (looked - 3) / (mean * mean) * brightest * brightest
+        elif looked > 3:
+            facts[0, j] = np.pi / 2 * (scale * brightest) ** 2
+        facts[1, j] = scale * brightest
+        facts[2, j] = 1.0 if settled else 0.0
+        counts[0, j], counts[1, j] = used, looked
+        counts[2, j] = kind if adaptive else _WHITE
+        for k in range(3):
+            x_out[j, k] = x[k] * brightest
+        if verdicts.size:
+            _judge(y, g, gate, x, work[3], work[2], work[0], scale, albedo, q64, s.dark, verdicts, j)
+
+
+def robust_fit(
+    values: FloatArray,
+    weights: FloatArray | None,
+    q: FloatArray,
+    r_inverse: FloatArray,
+    neighbours: IntArray,
+    settings: Settings,
+    verdicts: bool,
+) -> RobustFit:
+    """Solve some pixels; see :func:`psstereo.kernels.robust.robust_fit`."""
+    m, p = values.shape
+    x, matrix, facts = np.zeros((p, 3)), np.zeros((p, 6)), np.zeros((3, p))
+    counts = np.zeros((4, p), np.int64)
+    judged: Array = np.zeros((m, p) if verdicts else (0, 0), np.uint8)
+    heavy = np.zeros((0, 0)) if weights is None else np.asarray(weights, np.float64)
+    rows = np.ascontiguousarray(q.T)
+    _pixels(
+        values, heavy, rows, rows.astype(np.float32), r_inverse, neighbours, settings, x, matrix, facts, counts, judged
+    )
+    return RobustFit(x, matrix, facts[0], facts[1], counts[0], counts[1], counts[2], facts[2] > 0, judged)

@@ -1,0 +1,130 @@
+"""Samples of a thinned grid of pixels, enough to find what few unknowns of the lights all pixels share."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from psstereo.capture import Capture
+from psstereo.errors import InputError
+from psstereo.stack import Conversion, MemoryStore, PixelSet, gather, gray_weights
+from psstereo.stack.gather import sample_dtype
+from psstereo.types import BoolArray, FloatArray, Map, Progress, no_progress
+
+__all__ = ["SampleGrid", "sample_grid"]
+
+_NEARLY_WHITE = 0.98
+"""Share of full scale from which a value counts as saturated; sensors bend before they clip."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampleGrid:
+    """Gray or channel values of pixels that lie on a grid.
+
+    Attributes
+    ----------
+    values : float64 array (k, m, p)
+        Linear brightness, k values an observation; NaN where an observation is not usable.
+    mask : bool array (rows, columns)
+        Where on the thinned grid these pixels lie, in row-major order.
+    step : int
+        Pixels of the image from one pixel of the grid to the next [px].
+    gray : str
+        How channels became a value.
+    """
+
+    values: FloatArray
+    mask: BoolArray
+    step: int
+    gray: str
+
+
+def sample_grid(
+    capture: Capture,
+    *,
+    gray: str | Sequence[float],
+    limit: int,
+    strengths: bool,
+    valid_range: tuple[float, float] | None = None,
+    over: Map = map,
+    progress: Progress = no_progress,
+) -> SampleGrid:
+    """Read a capture's samples on every step-th row and column, the step being the smallest that meets a limit.
+
+    Parameters
+    ----------
+    capture : Capture
+        Images, lights, mask.
+    gray : str or sequence of float
+        How channels become one value; ``"per-channel"`` keeps them apart.
+    limit : int
+        About how many pixels are wanted at most.
+    strengths : bool
+        Whether values are divided by the strengths of the rig.
+    valid_range : (float, float), optional
+        Raw values, as shares of full scale, outside of which an observation is left out; below 0.98 if absent and the
+        images have a full scale.
+    over : map-like
+        Executes the images.
+    progress : callable
+        Told how far reading is.
+
+    Returns
+    -------
+    SampleGrid
+        The samples.
+
+    Raises
+    ------
+    InputError
+        If an image is black under the mask, or the valid range is empty.
+    """
+    stack = capture.stack
+    step = _step(capture.effective_mask, limit)
+    mask = np.zeros(capture.shape, np.bool_)
+    mask[::step, ::step] = capture.effective_mask[::step, ::step]
+    if not mask.any():  # a mask so thin that the grid misses it
+        mask, step = capture.effective_mask, 1
+    channels = gray_weights(gray, stack.shape[3])
+    divisor = capture.rig.strengths(stack.shape[3]) if strengths else np.ones((len(stack), stack.shape[3]))
+    conversion = Conversion(
+        factors=channels.matrix[None] / (divisor[:, None] * stack.white),
+        response=capture.response,
+        dark=capture.dark,
+        valid=_valid(capture, valid_range),
+    )
+    pixels = PixelSet.from_mask(mask)
+    with MemoryStore((len(channels.matrix), len(stack), len(pixels)), sample_dtype(stack)) as store:
+        _require_light(gather(stack, pixels, conversion, store, over=over, progress=progress), stack.names)
+        values = store.read(0, len(pixels)).astype(np.float64)
+    values[~np.isfinite(values)] = np.nan
+    return SampleGrid(values, mask[::step, ::step], step, channels.name)
+
+
+def _step(mask: BoolArray, limit: int) -> int:
+    return max(1, int(np.ceil(np.sqrt(np.count_nonzero(mask) / limit))))
+
+
+def _valid(capture: Capture, valid_range: tuple[float, float] | None) -> tuple[float, float] | None:
+    white = capture.stack.white
+    if valid_range is None:
+        return (-np.inf, _NEARLY_WHITE * white) if capture.stack.saturates else None
+    low, high = valid_range
+    if not low < high:
+        raise InputError(
+            given=f"The valid range is {low} to {high}.",
+            needed="The lower end must be below the upper one.",
+            remedy="Give shares of full scale such as 0.01,0.98.",
+        )
+    return low * white, high * white
+
+
+def _require_light(largest: FloatArray, names: tuple[str, ...]) -> None:
+    unusable = [name for name, value in zip(names, largest, strict=True) if not value > 0]
+    if unusable:
+        raise InputError(
+            given=f"The image {unusable[0]} shows nothing under the mask"
+            + (f", and {len(unusable) - 1} more." if len(unusable) > 1 else "."),
+            needed="What is unknown about a light can be told only from an image in which it reaches the object.",
+            remedy="Leave such images out together with their lights, or check exposure and mask.",
+        )
