@@ -30,115 +30,17 @@ References
 .. [2] P. J. Huber, E. M. Ronchetti, "Robust Statistics", 2nd ed., Wiley, 2009. doi:10.1002/9780470434697
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from psstereo.kernels.robust_settings import ADAPTIVE, CONSISTENCY, LOSSES, MAD, QUARTILE, Kind, RobustFit, Settings
 from psstereo.types import Array, BoolArray, FloatArray, IntArray
 from psstereo.verdict import Verdict
 
-__all__ = ["ADAPTIVE", "CONSISTENCY", "LOSSES", "MAD", "QUARTILE", "Kind", "RobustFit", "Settings", "robust_fit"]
-
-LOSSES: dict[str, float] = {
-    "l1": 1.0,
-    "huber": 1.345,
-    "cauchy": 2.385,
-    "geman-mcclure": 1.0,
-    "tukey": 4.685,
-    "welsch": 2.985,
-}
-"""Losses with their tuning constants, in scales; the order gives their numbers. Those of 95 % efficiency under Gaussian
-noise, but for Geman–McClure's, which is kept narrow to find the mode."""
-
-ADAPTIVE = len(LOSSES)
-"""Number of the loss that is chosen by the residuals."""
+__all__ = ["robust_fit", "weight", "weight_slope"]
 
 _GEMAN_MCCLURE, _TUKEY = 3, 4
-
-
-MAD = 1.4826022185056018
-"""Standard deviation over the median of the absolute value, of Gaussian noise [1]."""
-QUARTILE = 3.138344200661294
-"""Standard deviation over the quartile of the absolute value, of Gaussian noise [1]."""
-CONSISTENCY = (
-    0.1255378914539751,
-    0.8556923434719558,
-    0.7948426858499678,
-    0.3113590848375961,
-    0.8280730033893932,
-    0.8166857237133057,
-    1.0,
-)
-"""``E[w r²] / E[w]`` of Gaussian noise of unit scale, by loss, the last for least squares; a test integrates them."""
-
-
-class Kind:
-    """What the residuals of a pixel are like."""
-
-    WHITE = 0
-    PILED_UP = 1
-    STRUCTURED = 2
-    PLAIN = 3
-    """Too few lit observations for a robust step; left to least squares."""
-    UNSOLVED = 4
-    """The observations of middle brightness do not span space; left to least squares."""
-
-
-class Settings(NamedTuple):
-    """Numbers of a robust fit; a plain tuple, so that compiled code takes it as it is."""
-
-    loss: int
-    tuning: float
-    scale: float  # standard deviation of the noise, 0 to estimate it
-    low: float
-    high: float
-    dark: float  # share of the albedo below which a prediction counts as shadow
-    floor: float  # of the scale, as a share of the 'high' quantile of brightness
-    structure: float  # Moran's statistic for 96 observations from which residuals are structured
-    piled: float  # ratio of the scales by quartile and by median below which residuals pile up at zero
-    small: float  # scale, as a share of brightness, below which nothing needs explaining
-    middle: float
-    width: float
-    keep: float  # observations that the middle ranks hold at least
-    rounds: int
-    tolerance: float
-    least: int  # lit observations from which a robust step is taken
-
-
-class RobustFit(NamedTuple):
-    """What was found at some pixels.
-
-    Attributes
-    ----------
-    x : float64 array (p, 3)
-        Scaled normals in the basis of Q; NaN where `kind` is PLAIN or UNSOLVED.
-    matrix : float64 array (p, 6)
-        ``Σ g q qᵀ`` of the observations looked at, entries 11, 12, 22, 13, 23, 33.
-    variance : float64 array (p,)
-        Factor that makes the inverse of `matrix` the covariance of x; NaN where it cannot be told.
-    scale : float64 array (p,)
-        Standard deviation of the residuals that are not outliers.
-    used : int64 array (p,)
-        Observations with at least a quarter of their full weight.
-    looked_at : int64 array (p,)
-        Lit observations within the ranks that were fitted.
-    kind : int64 array (p,)
-        One of :class:`Kind`.
-    converged : bool array (p,)
-        Whether the last rounds moved the normal by less than the tolerance.
-    verdicts : uint8 array (m, p), or (0, 0) if not asked for
-        See :class:`psstereo.verdict.Verdict`.
-    """
-
-    x: FloatArray
-    matrix: FloatArray
-    variance: FloatArray
-    scale: FloatArray
-    used: IntArray
-    looked_at: IntArray
-    kind: IntArray
-    converged: BoolArray
-    verdicts: Array
 
 
 def robust_fit(

@@ -11,14 +11,27 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from psstereo.kernels.robust import CONSISTENCY, MAD, QUARTILE, Kind, RobustFit, Settings
+from psstereo.kernels.robust_loops_compiled import (
+    between,
+    moments,
+    moments64,
+    quantile,
+    residuals,
+    round_geman_mcclure,
+    round_tukey,
+    slope,
+    spread,
+    structure,
+    weigh,
+)
+from psstereo.kernels.robust_settings import CONSISTENCY, MAD, QUARTILE, Kind, RobustFit, Settings
 from psstereo.types import Array, FloatArray, IntArray
 from psstereo.verdict import Verdict
 
 __all__ = ["robust_fit"]
 
 F = np.float32
-_ZERO, _HALF, _ONE, _TWO, _THREE, _FIVE = F(0), F(0.5), F(1), F(2), F(3), F(5)
+_ZERO, _HALF, _ONE, _TWO = F(0), F(0.5), F(1), F(2)
 _TOGETHER = 16
 _CONSISTENCY = np.array(CONSISTENCY, np.float32)
 _MAD, _QUARTILE = F(MAD), F(QUARTILE)
@@ -28,244 +41,7 @@ _PLAIN, _UNSOLVED = Kind.PLAIN, Kind.UNSOLVED
 _USED, _SHADOW, _HIGHLIGHT = int(Verdict.USED), int(Verdict.SHADOW), int(Verdict.HIGHLIGHT)
 _DARK_OUTLIER, _UNUSABLE, _NOT_NEEDED = int(Verdict.DARK_OUTLIER), int(Verdict.UNUSABLE), int(Verdict.NOT_NEEDED)
 
-# Nothing here is NaN or infinite (that is sorted out before), and sums may be taken in any fixed order.
-_loop: Any = njit(
-    nogil=True, cache=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz", "arcp", "contract", "reassoc"}
-)
 _plain: Any = njit(nogil=True, cache=True, error_model="numpy")
-
-
-@_loop
-def _quantile(a, g, top, want, steps):
-    """Return the value below which `want` of the weights g lie, by bisection on 0 … top."""
-    low, high = _ZERO, top
-    for _ in range(steps):
-        middle = _HALF * (low + high)
-        below = _ZERO
-        for i in range(len(a)):
-            below += g[i] if a[i] < middle else _ZERO
-        if below < want:
-            low = middle
-        else:
-            high = middle
-    return high
-
-
-@_loop
-def _between(y, g, low, high, out):
-    for i in range(len(y)):
-        out[i] = g[i] if (y[i] >= low and y[i] <= high) else _ZERO
-
-
-@_loop
-def _residuals(y, g, q, x, dark, r, size, lit):
-    """Fill residuals, their sizes, and the weights of lit observations; return the sum of those, and the largest."""
-    x0, x1, x2 = F(x[0]), F(x[1]), F(x[2])
-    count, top = _ZERO, _ZERO
-    for i in range(len(y)):
-        p = q[0, i] * x0 + q[1, i] * x1 + q[2, i] * x2
-        e = y[i] - p
-        keep = g[i] if p > dark else _ZERO
-        a = abs(e)
-        r[i], size[i], lit[i] = e, a, keep
-        count += keep
-        top = max(top, a if keep > _ZERO else _ZERO)
-    return count, top
-
-
-@_loop
-def _weigh(loss, r, lit, inverse, w):
-    """Fill the weights of a loss; `inverse` is 1 / (tuning · scale)."""
-    if loss == 0:
-        for i in range(len(r)):
-            w[i] = lit[i] / max(abs(r[i] * inverse), F(1e-3))
-    elif loss == 1:
-        for i in range(len(r)):
-            w[i] = lit[i] / max(abs(r[i] * inverse), _ONE)
-    elif loss == 2:
-        for i in range(len(r)):
-            t = r[i] * inverse
-            w[i] = lit[i] / (_ONE + t * t)
-    elif loss == 3:
-        for i in range(len(r)):
-            t = r[i] * inverse
-            v = _ONE + t * t
-            w[i] = lit[i] / (v * v)
-    elif loss == 4:
-        for i in range(len(r)):
-            t = r[i] * inverse
-            v = max(_ONE - t * t, _ZERO)
-            w[i] = lit[i] * v * v
-    elif loss == 5:
-        for i in range(len(r)):
-            t = r[i] * inverse
-            w[i] = lit[i] * math.exp(-t * t)
-    else:
-        for i in range(len(r)):
-            w[i] = lit[i]
-
-
-@_loop
-def _slope(loss, r, lit, inverse):
-    """Return mean and variance over the lit observations of the derivative of r · w(r)."""
-    total, squares, count = _ZERO, _ZERO, _ZERO
-    for i in range(len(r)):
-        t = r[i] * inverse
-        v = t * t
-        if loss == 1:
-            d = _ONE if v < _ONE else _ZERO
-        elif loss == 2:
-            d = (_ONE - v) / ((_ONE + v) * (_ONE + v))
-        elif loss == 3:
-            d = (_ONE - _THREE * v) / ((_ONE + v) * (_ONE + v) * (_ONE + v))
-        elif loss == 4:
-            d = (_ONE - v) * (_ONE - _FIVE * v) if v < _ONE else _ZERO
-        elif loss == 5:
-            d = (_ONE - _TWO * v) * math.exp(-v)
-        else:
-            d = _ONE
-        total += lit[i] * d
-        squares += lit[i] * d * d
-        count += lit[i]
-    mean = total / count
-    return mean, squares / count - mean * mean
-
-
-@_loop
-def _moments(y, w, q, out):
-    """Fill Σ w q qᵀ (six entries) and Σ w q y (three)."""
-    a0, a1, a2, a3, a4, a5 = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
-    b0, b1, b2 = _ZERO, _ZERO, _ZERO
-    for i in range(len(y)):
-        w0, w1, w2 = w[i] * q[0, i], w[i] * q[1, i], w[i] * q[2, i]
-        a0 += w0 * q[0, i]
-        a1 += w0 * q[1, i]
-        a2 += w1 * q[1, i]
-        a3 += w0 * q[2, i]
-        a4 += w1 * q[2, i]
-        a5 += w2 * q[2, i]
-        b0 += w0 * y[i]
-        b1 += w1 * y[i]
-        b2 += w2 * y[i]
-    out[0], out[1], out[2], out[3], out[4], out[5] = a0, a1, a2, a3, a4, a5
-    out[6], out[7], out[8] = b0, b1, b2
-
-
-@_loop
-def _moments64(y, w, q, x, out):
-    """Fill Σ w q qᵀ and Σ w q (y − q·x) in double precision."""
-    x0, x1, x2 = x[0], x[1], x[2]
-    a0, a1, a2, a3, a4, a5, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(len(y)):
-        v = np.float64(w[i])
-        e = y[i] - (q[0, i] * x0 + q[1, i] * x1 + q[2, i] * x2)
-        w0, w1, w2 = v * q[0, i], v * q[1, i], v * q[2, i]
-        a0 += w0 * q[0, i]
-        a1 += w0 * q[1, i]
-        a2 += w1 * q[1, i]
-        a3 += w0 * q[2, i]
-        a4 += w1 * q[2, i]
-        a5 += w2 * q[2, i]
-        b0 += w0 * e
-        b1 += w1 * e
-        b2 += w2 * e
-    out[0], out[1], out[2], out[3], out[4], out[5] = a0, a1, a2, a3, a4, a5
-    out[6], out[7], out[8] = b0, b1, b2
-
-
-@_loop
-def _round_geman_mcclure(y, g, q, x, dark, inverse, out):
-    """Residuals, weights and sums of one round at once: the loss of the first rounds, where most of the time goes."""
-    x0, x1, x2 = F(x[0]), F(x[1]), F(x[2])
-    a0, a1, a2, a3, a4, a5 = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
-    b0, b1, b2, total, squares = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
-    for i in range(len(y)):
-        p = q[0, i] * x0 + q[1, i] * x1 + q[2, i] * x2
-        e = y[i] - p
-        t = e * inverse
-        v = _ONE + t * t
-        w = g[i] / (v * v)
-        w = w if p > dark else _ZERO
-        w0, w1, w2 = w * q[0, i], w * q[1, i], w * q[2, i]
-        a0 += w0 * q[0, i]
-        a1 += w0 * q[1, i]
-        a2 += w1 * q[1, i]
-        a3 += w0 * q[2, i]
-        a4 += w1 * q[2, i]
-        a5 += w2 * q[2, i]
-        b0 += w0 * y[i]
-        b1 += w1 * y[i]
-        b2 += w2 * y[i]
-        total += w
-        squares += w * e * e
-    out[0], out[1], out[2], out[3], out[4], out[5] = a0, a1, a2, a3, a4, a5
-    out[6], out[7], out[8] = b0, b1, b2
-    return squares / max(total, F(1e-30))
-
-
-@_loop
-def _round_tukey(y, g, q, x, dark, inverse, out):
-    """Do the same for the loss of the last rounds."""
-    x0, x1, x2 = F(x[0]), F(x[1]), F(x[2])
-    a0, a1, a2, a3, a4, a5 = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
-    b0, b1, b2, total, squares = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
-    for i in range(len(y)):
-        p = q[0, i] * x0 + q[1, i] * x1 + q[2, i] * x2
-        e = y[i] - p
-        t = e * inverse
-        v = max(_ONE - t * t, _ZERO)
-        w = g[i] * v * v
-        w = w if p > dark else _ZERO
-        w0, w1, w2 = w * q[0, i], w * q[1, i], w * q[2, i]
-        a0 += w0 * q[0, i]
-        a1 += w0 * q[1, i]
-        a2 += w1 * q[1, i]
-        a3 += w0 * q[2, i]
-        a4 += w1 * q[2, i]
-        a5 += w2 * q[2, i]
-        b0 += w0 * y[i]
-        b1 += w1 * y[i]
-        b2 += w2 * y[i]
-        total += w
-        squares += w * e * e
-    out[0], out[1], out[2], out[3], out[4], out[5] = a0, a1, a2, a3, a4, a5
-    out[6], out[7], out[8] = b0, b1, b2
-    return squares / max(total, F(1e-30))
-
-
-@_loop
-def _spread(r, w):
-    """Return Σ w r² / Σ w and Σ (w r)²."""
-    total, squares, influence = _ZERO, _ZERO, _ZERO
-    for i in range(len(r)):
-        e = w[i] * r[i]
-        total += w[i]
-        squares += e * r[i]
-        influence += e * e
-    return squares / max(total, F(1e-30)), influence
-
-
-@_loop
-def _structure(r, size, lit, neighbours, limit, kept):
-    """Return Moran's statistic of the residuals within a limit, and their number; r is centred on the way."""
-    count, total = _ZERO, _ZERO
-    for i in range(len(r)):
-        k = _ONE if (size[i] < limit and lit[i] > _ZERO) else _ZERO
-        kept[i] = k
-        count += k
-        total += k * r[i]
-    mean = total / max(count, _ONE)
-    variance = _ZERO
-    for i in range(len(r)):
-        e = (r[i] - mean) * kept[i]
-        r[i] = e
-        variance += e * e
-    products, pairs = _ZERO, _ZERO
-    for k in range(neighbours.shape[1]):
-        i, j = neighbours[0, k], neighbours[1, k]
-        products += r[i] * r[j]
-        pairs += kept[i] * kept[j]
-    return (products / max(pairs, _ONE)) / (variance / max(count, _ONE) + F(1e-30)), count
 
 
 @_plain
@@ -310,10 +86,10 @@ def _albedo(r_inverse, x):
 def _round_any(loss, y, g, q, x, dark, inverse, work, o):
     """One round of any loss, in readable steps."""
     r, size, lit, w = work[0], work[1], work[2], work[3]
-    _residuals(y, g, q, x, dark, r, size, lit)
-    _weigh(loss, r, lit, inverse, w)
-    _moments(y, w, q, o)
-    return _spread(r, w)[0]
+    residuals(y, g, q, x, dark, r, size, lit)
+    weigh(loss, r, lit, inverse, w)
+    moments(y, w, q, o)
+    return spread(r, w)[0]
 
 
 @_plain
@@ -323,9 +99,9 @@ def _iterate(loss, tuning, scale, frozen, floor, y, g, q, r_inverse, x, settings
         dark = F(settings.dark * _albedo(r_inverse, x))
         inverse = _ONE / F(tuning * scale)
         if loss == 3:
-            square = _round_geman_mcclure(y, g, q, x, dark, inverse, o)
+            square = round_geman_mcclure(y, g, q, x, dark, inverse, o)
         elif loss == 4:
-            square = _round_tukey(y, g, q, x, dark, inverse, o)
+            square = round_tukey(y, g, q, x, dark, inverse, o)
         else:
             square = _round_any(loss, y, g, q, x, dark, inverse, work, o)
         before0, before1, before2 = x[0], x[1], x[2]
@@ -404,7 +180,7 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, x_out, matrix, 
         mass = _ZERO
         for i in range(m):
             mass += g[i]
-        _between(y, g, F(s.dark), _TWO, work[2])
+        between(y, g, F(s.dark), _TWO, work[2])
         bright, bright_mass = 0, _ZERO
         for i in range(m):
             bright += 1 if work[2][i] > 0 else 0
@@ -412,16 +188,16 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, x_out, matrix, 
         if bright < s.least:
             counts[2, j] = _PLAIN
             continue
-        low = _quantile(y, work[2], _ONE, F(s.low) * bright_mass, 10)
-        high = _quantile(y, work[2], _ONE, F(s.high) * bright_mass, 10)
-        _between(y, work[2], low - F(1e-3), high, gate)
-        _moments(y, gate, q32, o)
+        low = quantile(y, work[2], _ONE, F(s.low) * bright_mass, 10)
+        high = quantile(y, work[2], _ONE, F(s.high) * bright_mass, 10)
+        between(y, work[2], low - F(1e-3), high, gate)
+        moments(y, gate, q32, o)
         if not _solve(o, zero, x):
             continue
         floor = F(s.floor) * high
         dark = F(s.dark * _albedo(r_inverse, x))
-        count, top = _residuals(y, g, q32, x, dark, work[0], work[1], work[2])
-        scale = max(_MAD * _quantile(work[1], work[2], top, _HALF * count, 11), floor)
+        count, top = residuals(y, g, q32, x, dark, work[0], work[1], work[2])
+        scale = max(_MAD * quantile(work[1], work[2], top, _HALF * count, 11), floor)
         if s.scale > 0:
             scale = F(s.scale / brightest)
         loss, kind, settled = first, _PILED_UP, True
@@ -439,12 +215,12 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, x_out, matrix, 
         )
         if adaptive:
             dark = F(s.dark * _albedo(r_inverse, x))
-            count, top = _residuals(y, g, q32, x, dark, work[0], work[1], work[2])
-            by_median = max(_MAD * _quantile(work[1], work[2], top, _HALF * count, 11), floor)
+            count, top = residuals(y, g, q32, x, dark, work[0], work[1], work[2])
+            by_median = max(_MAD * quantile(work[1], work[2], top, _HALF * count, 11), floor)
             kind = _WHITE
             if by_median > F(s.small) * high:
-                by_quartile = _QUARTILE * _quantile(work[1], work[2], top, F(0.25) * count, 12)
-                moran, within = _structure(work[0], work[1], work[2], neighbours, F(4) * scale, work[4])
+                by_quartile = _QUARTILE * quantile(work[1], work[2], top, F(0.25) * count, 12)
+                moran, within = structure(work[0], work[1], work[2], neighbours, F(4) * scale, work[4])
                 if moran > s.structure * math.sqrt(96.0 / max(within, _ONE)):
                     kind = _STRUCTURED if by_quartile > F(s.piled) * by_median else _PILED_UP
             if kind == _WHITE:
@@ -456,31 +232,31 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, x_out, matrix, 
             elif kind == _STRUCTURED:
                 width = min(1.0, max(s.width, s.keep / usable))
                 start = min(max(0.0, s.middle - width / 2), 1.0 - width)
-                low = _quantile(y, g, _ONE, F(start) * mass, 11)
-                high = _quantile(y, g, _ONE, F(start + width) * mass, 11)
-                _between(y, g, low - F(5e-4), high, gate)
+                low = quantile(y, g, _ONE, F(start) * mass, 11)
+                high = quantile(y, g, _ONE, F(start + width) * mass, 11)
+                between(y, g, low - F(5e-4), high, gate)
                 scale, settled = _iterate(
                     first, tuning, by_median, s.scale > 0, floor, y, gate, q32, r_inverse, x, s, s.rounds, work, o
                 )
         # Polish in double precision with the weights as they are now.
         albedo = _albedo(r_inverse, x)
-        _residuals(y, gate, q32, x, F(s.dark * albedo), work[0], work[1], work[2])
+        residuals(y, gate, q32, x, F(s.dark * albedo), work[0], work[1], work[2])
         inverse = _ONE / F(tuning_now * scale)
-        _weigh(loss, work[0], work[2], inverse, work[3])
-        _moments64(y64, work[3], q64, x, o64)
+        weigh(loss, work[0], work[2], inverse, work[3])
+        moments64(y64, work[3], q64, x, o64)
         if not _solve(o64, x, x):
             continue
-        _moments64(y64, work[3], q64, x, o64)
+        moments64(y64, work[3], q64, x, o64)
         _solve(o64, x, x)
-        _moments64(y64, work[2], q64, x, o64)
+        moments64(y64, work[2], q64, x, o64)
         for k in range(6):
             matrix[j, k] = o64[k]
         used, looked = 0, 0
         for i in range(m):
             looked += 1 if work[2][i] > 0 else 0
             used += 1 if (work[2][i] > 0 and work[3][i] >= F(0.25) * work[2][i]) else 0
-        _, influence = _spread(work[0], work[3])
-        mean, variance = _slope(loss, work[0], work[2], inverse)
+        _, influence = spread(work[0], work[3])
+        mean, variance = slope(loss, work[0], work[2], inverse)
         if looked > 3 and mean > 0 and loss != 0:
             correction = 1 + 3.0 / looked * variance / (mean * mean)
             facts[0, j] = correction * correction * influence / (looked - 3) / (mean * mean) * brightest * brightest

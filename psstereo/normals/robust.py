@@ -14,7 +14,7 @@ from psstereo.catalogue import choose
 from psstereo.errors import OptionError
 from psstereo.flags import Flag
 from psstereo.kernels.dispatch import kernel
-from psstereo.kernels.robust import ADAPTIVE, LOSSES, Kind, RobustFit, Settings
+from psstereo.kernels.robust_settings import ADAPTIVE, LOSSES, Kind, RobustFit, Settings
 from psstereo.lights import Rig
 from psstereo.normals.least_squares import LeastSquares
 from psstereo.normals.moments import RigFactor, angular_covariance, cholesky
