@@ -7,6 +7,8 @@ from typing import Any
 
 from psstereo.capture import Capture
 from psstereo.depth import Integrator, Poisson, triangulate
+from psstereo.errors import UnsupportedError
+from psstereo.near import NearOptions, solve_near, wants_near
 from psstereo.normals import Gate, NormalSolver, default_solver, estimate_normals
 from psstereo.results import DepthResult, NormalsResult, Outcome, Step
 from psstereo.surface_mesh import SurfaceMesh
@@ -99,6 +101,8 @@ def reconstruct(
         If the capture cannot be used; see :func:`psstereo.normals.estimate_normals`.
     """
     chosen = options or Options()
+    if chosen.solver is None and wants_near(capture):
+        return _reconstruct_near(capture, chosen, over, progress)
     solver, why = _solver(capture, chosen)
     normals = estimate_normals(
         capture,
@@ -119,15 +123,70 @@ def reconstruct(
         return Reconstruction(normals=normals, depth=None, mesh=None, steps=tuple(steps))
     started = time.perf_counter()
     depth = chosen.integrator.integrate(normals.normals, capture.camera, mask=capture.mask, progress=progress)
-    integrated = time.perf_counter()
+    seconds = time.perf_counter() - started
     camera = f"The camera is {capture.camera.name}."
-    steps.append(Step(name=f"depth ({chosen.integrator.name})", done=True, reason=camera, seconds=integrated - started))
+    steps.append(Step(name=f"depth ({chosen.integrator.name})", done=True, reason=camera, seconds=seconds))
+    return _meshed(capture, normals, depth, steps)
+
+
+def _meshed(capture: Capture, normals: NormalsResult, depth: DepthResult, steps: list[Step]) -> Reconstruction:
+    """Add the mesh."""
+    started = time.perf_counter()
     mesh = triangulate(
         depth.depth, capture.camera, normals=normals.normals, albedo=normals.albedo, components=depth.components
     )
     reason = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} triangles."
-    steps.append(Step(name="mesh", done=True, reason=reason, seconds=time.perf_counter() - integrated))
+    steps = [*steps, Step(name="mesh", done=True, reason=reason, seconds=time.perf_counter() - started)]
     return Reconstruction(normals=normals, depth=depth, mesh=mesh, steps=tuple(steps))
+
+
+def _reconstruct_near(capture: Capture, options: Options, over: Map, progress: Progress) -> Reconstruction:
+    """Recover everything under near lamps, whose normals and depth cannot be told one after the other."""
+    _refuse_for_near(options)
+    found = solve_near(
+        capture,
+        NearOptions(
+            integrator=options.integrator or Poisson(),
+            gray=options.gray,
+            saturation=options.gate is None or options.gate.saturation,
+            valid_range=options.valid_range,
+            max_memory=options.max_memory,
+            workers=options.workers,
+        ),
+        over=over,
+        progress=progress,
+    )
+    facts, seconds = found.normals.facts, found.normals.seconds
+    lamps = f"{facts['pixels']} pixels under {facts['lights']} lamps, {facts['rounds']} rounds of normals and depth."
+    steps = [
+        *_preparation(capture),
+        Step(name="reading", done=True, reason=f"{len(capture.stack)} images.", seconds=seconds["read"]),
+        Step(name="shadow gate", done=True, reason="Lamps behind the surface were left out."),
+        Step(name="normals (near-lamps)", done=True, reason=lamps, seconds=seconds["solve"]),
+    ]
+    if options.integrator is None:
+        steps.append(Step(name="depth and mesh", done=False, reason="Only normals were asked for."))
+        return Reconstruction(normals=found.normals, depth=None, mesh=None, steps=tuple(steps))
+    reason = "It came with the normals, and its scale from the fall-off of the lamps' light."
+    steps.append(Step(name=f"depth ({options.integrator.name})", done=True, reason=reason))
+    return _meshed(capture, found.normals, found.depth, steps)
+
+
+def _refuse_for_near(options: Options) -> None:
+    """Refuse what the fit under near lamps does not know."""
+    unknown = {
+        "a bound on brightness (clip)": options.clip is not None,
+        "a mask of observations": options.observation_mask is not None,
+        "a verdict on each observation": options.verdicts,
+        "a gate that leaves shadows in": options.gate is not None and not options.gate.shadow,
+    }
+    asked = [name for name, wanted in unknown.items() if wanted]
+    if asked:
+        raise UnsupportedError(
+            given=f"The lamps are near, and {' and '.join(asked)} was asked for.",
+            needed="The method for near lamps knows none of these.",
+            remedy="Leave it out, or take the lights as distant (--lights).",
+        )
 
 
 def _preparation(capture: Capture) -> list[Step]:

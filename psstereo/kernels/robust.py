@@ -112,9 +112,9 @@ class _Pixels:
         tuning = LOSSES["geman-mcclure"] if adaptive else s.tuning
         mass = g.sum(axis=0)
         bright = g * (y >= s.dark)
-        high = _quantile(y, bright, np.ones_like(mass), s.high * bright.sum(axis=0), 10)
-        low = _quantile(y, bright, np.ones_like(mass), s.low * bright.sum(axis=0), 10)
-        x, ok = self._start(bright * ((y >= low - 1e-3) & (y <= high)))
+        high = _quantile(y, bright, np.ones_like(mass), s.high * bright.sum(axis=0), 8)
+        low = _quantile(y, bright, np.ones_like(mass), s.low * bright.sum(axis=0), 8)
+        x, ok = self._start(bright * ((y >= low - 4e-3) & (y <= high)))
         ok &= self.fit_at_all
         floor = s.floor * high
         scale = np.maximum(self._by_quantile(x, g, 0.5, 11) * MAD, floor)

@@ -137,7 +137,7 @@ def _judge(y, g, gate, x, w, lit, r, scale, albedo, q, dark, verdicts, j):
 
 
 @_plain
-def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, x_out, matrix, facts, counts, verdicts):
+def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, exact, x_out, matrix, facts, counts, verdicts):
     m, pixels = values.shape
     rows, heavy = np.zeros((_TOGETHER, m)), np.ones((_TOGETHER, m))
     y, y64, g, gate = np.zeros(m, np.float32), np.zeros(m), np.zeros(m, np.float32), np.zeros(m, np.float32)
@@ -188,9 +188,9 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, x_out, matrix, 
         if bright < s.least:
             counts[2, j] = _PLAIN
             continue
-        low = quantile(y, work[2], _ONE, F(s.low) * bright_mass, 10)
-        high = quantile(y, work[2], _ONE, F(s.high) * bright_mass, 10)
-        between(y, work[2], low - F(1e-3), high, gate)
+        low = quantile(y, work[2], _ONE, F(s.low) * bright_mass, 8)
+        high = quantile(y, work[2], _ONE, F(s.high) * bright_mass, 8)
+        between(y, work[2], low - F(4e-3), high, gate)
         moments(y, gate, q32, o)
         if not _solve(o, zero, x):
             continue
@@ -219,9 +219,9 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, x_out, matrix, 
             by_median = max(_MAD * quantile(work[1], work[2], top, _HALF * count, 11), floor)
             kind = _WHITE
             if by_median > F(s.small) * high:
-                by_quartile = _QUARTILE * quantile(work[1], work[2], top, F(0.25) * count, 12)
                 moran, within = structure(work[0], work[1], work[2], neighbours, F(4) * scale, work[4])
                 if moran > s.structure * math.sqrt(96.0 / max(within, _ONE)):
+                    by_quartile = _QUARTILE * quantile(work[1], work[2], top, F(0.25) * count, 12)
                     kind = _STRUCTURED if by_quartile > F(s.piled) * by_median else _PILED_UP
             if kind == _WHITE:
                 loss, tuning_now = _TUKEY, _TUKEY_TUNING
@@ -246,11 +246,12 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, x_out, matrix, 
         moments64(y64, work[3], q64, x, o64)
         if not _solve(o64, x, x):
             continue
-        moments64(y64, work[3], q64, x, o64)
-        _solve(o64, x, x)
-        moments64(y64, work[2], q64, x, o64)
+        if exact:
+            moments64(y64, work[3], q64, x, o64)
+            _solve(o64, x, x)
+        moments(y, work[2], q32, o)
         for k in range(6):
-            matrix[j, k] = o64[k]
+            matrix[j, k] = o[k]
         used, looked = 0, 0
         for i in range(m):
             looked += 1 if work[2][i] > 0 else 0
@@ -288,7 +289,7 @@ def robust_fit(
     judged: Array = np.zeros((m, p) if verdicts else (0, 0), np.uint8)
     heavy = np.zeros((0, 0)) if weights is None else np.asarray(weights, np.float64)
     rows = np.ascontiguousarray(q.T)
-    _pixels(
-        values, heavy, rows, rows.astype(np.float32), r_inverse, neighbours, settings, x, matrix, facts, counts, judged
-    )
+    fine = values.dtype == np.float64  # then a second step of correction is worth its while
+    single = rows.astype(np.float32)
+    _pixels(values, heavy, rows, single, r_inverse, neighbours, settings, fine, x, matrix, facts, counts, judged)
     return RobustFit(x, matrix, facts[0], facts[1], counts[0], counts[1], counts[2], facts[2] > 0, judged)

@@ -4,7 +4,6 @@ from typing import Any
 
 from psstereo.normals.least_squares import LeastSquares
 from psstereo.normals.low_rank import LowRank
-from psstereo.normals.response_bend import ResponseBend
 from psstereo.normals.robust import Robust
 from psstereo.normals.solver import NormalSolver
 from psstereo.normals.sparse_bayesian import SparseBayesian
@@ -18,5 +17,4 @@ NORMAL_SOLVERS: dict[str, type[NormalSolver[Any]]] = {
     Robust.name: Robust,
     Trimmed.name: Trimmed,
     SparseBayesian.name: SparseBayesian,
-    ResponseBend.name: ResponseBend,
 }

@@ -222,6 +222,7 @@ def _meanings(solver: type[NormalSolver[Any]]) -> dict[str, str]:
         section = pattern.search(inspect.cleandoc(one.__doc__ or ""))
         if section is None:
             continue
-        for name, text in re.findall(r"^(\w+) : .*\n((?:[ \t]+.*\n?|\n)*)", section[1], re.M):
-            meanings.setdefault(name, " ".join(text.replace("``", "").split()))
+        for names, text in re.findall(r"^(\w+(?:, \w+)*) : .*\n((?:[ \t]+.*\n?|\n)*)", section[1], re.MULTILINE):
+            for name in names.split(", "):
+                meanings.setdefault(name, " ".join(text.replace("``", "").split()))
     return meanings

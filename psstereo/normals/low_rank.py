@@ -13,8 +13,9 @@ and multiplies μ. Three ways to make D:
 * ``nuclear``: singular values shrunk by 1/μ, as published, with λ = 1/√(larger side) where a share of the singular
   values and Σ|E| compete;
 * ``rank-3``: the best matrix of rank three;
-* ``lights``: the nearest matrix whose columns are combinations of the lights. With known lights this is known, and it
-  is much: the problem falls apart into one of three unknowns a pixel, so that other pixels' errors stay theirs.
+* ``lights``: the matrix nearest on the observed entries whose columns are combinations of the lights. With known
+  lights this is known, and it is much: the problem falls apart into one of three unknowns a pixel, so that other
+  pixels' errors stay theirs.
 
 The first two need the singular vectors of a wide matrix, which are those of its m × m Gram matrix. They look at all
 pixels that are given at once: blocks of a fixed number, counted from the first pixel of the mask, so that threads and
@@ -43,7 +44,7 @@ from psstereo.flags import Flag, fatal_mask
 from psstereo.lights import Rig
 from psstereo.normals.gate import GATES
 from psstereo.normals.least_squares import LeastSquares
-from psstereo.normals.moments import RigFactor
+from psstereo.normals.moments import RigFactor, cholesky, solve_cholesky
 from psstereo.normals.solver import NormalSolver, PixelNormals, Samples
 from psstereo.normals.verdict import Verdict, VerdictArray
 from psstereo.types import BoolArray, FloatArray
@@ -144,7 +145,7 @@ class LowRank(NormalSolver[RigFactor]):
             values,
             observed,
             form=self.form,
-            basis=state.q,
+            rig=state,
             sparsity=self.sparsity,
             growth=self.growth,
             rounds=self.rounds,
@@ -153,7 +154,7 @@ class LowRank(NormalSolver[RigFactor]):
         lit, kept = self._agreeing(state, values, usable, observed, d)
         weights = kept.astype(np.float64) if samples.weights is None else kept * samples.weights
         found = _PLAIN.solve(state, Samples(samples.values, weights, covariance=samples.covariance))
-        return self._assemble(state, samples, found, usable, lit, kept, d < values, converged)
+        return self._assemble(state, samples, found, usable, lit, kept, ~(d >= values), converged)
 
     def _agreeing(
         self, rig: RigFactor, values: FloatArray, usable: BoolArray, observed: BoolArray, d: FloatArray
@@ -164,7 +165,8 @@ class LowRank(NormalSolver[RigFactor]):
         lit = observed
         if self.gate.shadow:
             b = rig.r_inverse @ x
-            lit = usable & (model > _DARK * np.sqrt((b * b).sum(axis=0)))
+            with np.errstate(invalid="ignore"):  # NaN agrees with nothing
+                lit = usable & (model > _DARK * np.sqrt((b * b).sum(axis=0)))
             few = lit.sum(axis=0) < 3
             lit[:, few] = observed[:, few]
         size = np.abs(values - model)
@@ -174,8 +176,8 @@ class LowRank(NormalSolver[RigFactor]):
         middle = np.where(count >= _ENOUGH, (count - 3) // 2 + 2, 0)
         at = np.take_along_axis(ranked, middle[None], axis=0)[0]
         noise = np.where(count >= _ENOUGH, np.maximum(1.4826 * at, _FLOOR), np.inf)
-        kept = lit & (size <= _AGREES * noise)
-        return lit, kept
+        with np.errstate(invalid="ignore"):
+            return lit, lit & (size <= _AGREES * noise)
 
     def _assemble(
         self,
@@ -189,8 +191,7 @@ class LowRank(NormalSolver[RigFactor]):
         converged: BoolArray,
     ) -> PixelNormals:
         """Correct the spread for what was cut off, set flags, and solve again where too little agreed."""
-        cut = (kept != lit).any(axis=0) | (kept.sum(axis=0) >= _ENOUGH)
-        widen = np.where(cut, 1 / _CUT, 1.0)
+        widen = np.where(lit.sum(axis=0) >= _ENOUGH, 1 / _CUT, 1.0)
         scaled, flags, used = found.scaled, found.flags, found.used
         uncertainty = found.uncertainty * np.sqrt(widen)
         covariance = None if found.covariance is None else found.covariance * widen[:, None]
@@ -239,7 +240,7 @@ def recover(
     observed: BoolArray,
     *,
     form: str = "rank-3",
-    basis: FloatArray | None = None,
+    rig: RigFactor | None = None,
     sparsity: float = 1.0,
     growth: float = 1.4,
     rounds: int = 100,
@@ -255,22 +256,23 @@ def recover(
         Which entries are known.
     form : str
         What the simple one may be, a name in `FORMS`.
-    basis : float64 array (m, 3), optional
-        Orthonormal columns of the light matrix, for the form ``lights``.
+    rig : RigFactor, optional
+        The light matrix, factored, for the form ``lights``.
     sparsity, growth, rounds, tolerance
         See :class:`LowRank`.
 
     Returns
     -------
     d : float64 array (m, p)
-        The simple matrix, all entries, in the units of `values`.
+        The simple matrix, all entries, in the units of `values`; NaN in columns that the form ``lights`` leaves open,
+        since what is observed does not span space.
     converged : bool array (p,)
         Which columns are within the tolerance.
 
     Raises
     ------
     OptionError
-        If the form is unknown, or ``lights`` without a basis.
+        If the form is unknown, or ``lights`` without lights.
     """
     choose(FORMS, form, "form")
     m, p = values.shape
@@ -278,16 +280,16 @@ def recover(
         make = _shrunk if form == "nuclear" else _truncated
         d, done = _alternate(values, observed, make, sparsity / np.sqrt(max(m, p)), growth, rounds, tolerance)
         return d, np.full(p, done)
-    if basis is None:
+    if rig is None:
         raise OptionError(
             given="The form lights is chosen without lights.",
-            needed="It needs an orthonormal basis of the light matrix.",
-            remedy="Give one, or choose the form rank-3.",
+            needed="It needs their matrix, factored.",
+            remedy="Give it, or choose the form rank-3.",
         )
     d, converged = np.zeros((m, p)), np.zeros(p, np.bool_)
     for start in range(0, p, _PART):
         part = slice(start, start + _PART)
-        d[:, part], converged[part] = _apart(values[:, part], observed[:, part], basis, growth, rounds, tolerance)
+        d[:, part], converged[part] = _apart(values[:, part], observed[:, part], rig, growth, rounds, tolerance)
     return d, converged
 
 
@@ -344,7 +346,7 @@ def _alternate(
 
 
 def _apart(
-    values: FloatArray, observed: BoolArray, basis: FloatArray, growth: float, rounds: int, tolerance: float
+    values: FloatArray, observed: BoolArray, rig: RigFactor, growth: float, rounds: int, tolerance: float
 ) -> tuple[FloatArray, BoolArray]:
     """Inexact ALM where each column stands alone; lengths are those of the columns, and λ is 1."""
     m = np.where(observed, values, 0.0)
@@ -352,18 +354,21 @@ def _apart(
     length[~(length > 0)] = 1.0
     m /= length
     bound = observed.astype(np.float64)
+    factor, singular = cholesky(rig.moments @ bound)
     y, mu = m.copy(), 1.25
     x = m + y / mu
     found = np.zeros_like(m)
-    converged = np.zeros(m.shape[1], np.bool_)
+    converged = singular
+    found[:, singular] = np.nan
     for _ in range(rounds):
-        d = basis @ (basis.T @ x)
+        d = rig.q @ solve_cholesky(factor, rig.q.T @ (bound * x))
         z = m - d + y / mu
         before, y = y, np.clip(mu * z, -bound, bound)
         before -= y
-        now = ~converged & ((before * before).sum(axis=0) <= (tolerance * mu) ** 2)
+        with np.errstate(invalid="ignore"):
+            now = ~converged & ((before * before).sum(axis=0) <= (tolerance * mu) ** 2)
         found[:, now] = d[:, now]  # as it is, so that it does not depend on how long its neighbours take
-        converged |= now
+        converged = converged | now
         x = m - z + y / mu
         mu *= growth
         x += y / mu

@@ -71,7 +71,7 @@ def fit_normals(values: FloatArray, lights: FloatArray, weights: FloatArray) -> 
     LowRankFit
         The fit; its spread is taken over observations of positive weight.
     """
-    table = (lights[:, _ROWS] * lights[:, _COLUMNS]).T @ weights
+    table = outer_entries(lights.T) @ weights
     gram = np.zeros((3, 3, values.shape[1]))
     gram[_ROWS, _COLUMNS] = gram[_COLUMNS, _ROWS] = table
     usable = (weights > 1e-3 * weights.max(axis=0)).sum(axis=0) >= min(5, len(values))
@@ -123,6 +123,11 @@ def reweighted(values: FloatArray, usable: BoolArray, fit: LowRankFit) -> FloatA
     middle = np.median(scale[fitted]) if fitted.any() else 1.0
     say = 1.0 / (brightest**2 * (1.0 + (scale / middle) ** 2))
     return np.asarray(lit * say / (1.0 + t * t) ** 2)
+
+
+def outer_entries(vectors: FloatArray) -> FloatArray:
+    """Return the entries 11, 12, 13, 22, 23, 33 of v vᵀ, (6, n), of vectors (3, n)."""
+    return np.asarray(vectors[_ROWS] * vectors[_COLUMNS])
 
 
 def solve_symmetric(table: FloatArray, right: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -67,7 +67,8 @@ class SparseBayesian(NormalSolver[SparseBayesianState]):
 
     References
     ----------
-    .. [1] S. Ikehata, D. Wipf, Y. Matsushita, K. Aizawa, "Robust photometric stereo using sparse regression", CVPR 2012.
+    .. [1] S. Ikehata, D. Wipf, Y. Matsushita, K. Aizawa, "Robust photometric stereo using sparse regression",
+       CVPR 2012.
        doi:10.1109/CVPR.2012.6247691
     """
 

@@ -35,8 +35,10 @@ class Trimmed(NormalSolver[RigFactor]):
     ----------
     gate : Gate
         Whether saturated observations are left out.
-    low, high : float
-        Ranks between which an observation is kept, 0 the darkest and 1 the brightest [1].
+    low : float
+        Rank from which an observation is kept, 0 the darkest and 1 the brightest [1].
+    high : float
+        Rank up to which one is kept [1].
 
     References
     ----------

@@ -16,7 +16,7 @@ __all__ = ["cap_capture"]
 def cap_capture(
     directions: FloatArray, shape: tuple[int, int], *, tilt: float, noise: float, seed: int = 0
 ) -> tuple[Capture, Truth]:
-    """Photograph matte pixels of albedo 1 under distant lights of strength π, with Gaussian noise and without rounding.
+    """Photograph matte pixels that show 1 where they face a light, with Gaussian noise and without rounding.
 
     Not for depth: the normals are independent of each other, and no surface has them.
 

@@ -94,3 +94,10 @@ def _pristine(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def folder(_pristine: Path, tmp_path: Path) -> Path:
     """Return a copy of the capture that the test may spoil."""
     return Path(shutil.copytree(_pristine, tmp_path / "capture"))
+
+
+@pytest.fixture
+def plain(run: Callable[..., Run], folder: Path, tmp_path: Path) -> Path:
+    """Return the default result of the capture."""
+    assert run("reconstruct", folder, "-o", tmp_path / "plain").code == 0
+    return tmp_path / "plain"

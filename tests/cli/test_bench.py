@@ -142,3 +142,27 @@ def test_records_are_not_overwritten_without_being_asked(run, tmp_path):
     assert kept.read_text(encoding="utf-8") == "keep me"
     assert run(*words, "--overwrite").code == 0
     assert len(read_records(kept)) > 1
+
+
+def test_coverage_prints_a_table_and_records_each_cell(run, monkeypatch, tmp_path):
+    from psstereo_cli.suites import coverage
+
+    monkeypatch.setattr(coverage, "LIGHTS", (3, 12))
+    monkeypatch.setattr(coverage, "NOISES", (0.01,))
+    monkeypatch.setattr(coverage, "SCENES", ((40.0, 35.0), (60.0, 70.0)))
+    monkeypatch.setattr(coverage, "METHODS", ("least-squares",))
+    words = ("bench", "coverage", "--size", "64x64", "--repeats", "2", "--threads", "1")
+    record = run(*words, "--json", "-o", tmp_path / "records.jsonl").record
+    rows = record["table"]["rows"]
+    assert [row[1:3] for row in rows] == [["1.0%", "3"], ["1.0%", "12"]] * 2
+    assert [row[0] for row in rows][:2] == ["0%", "0%"]
+    assert float(rows[3][0].rstrip("%")) > 5
+    assert rows[0][3] == rows[2][3] == "not told"  # three observations leave no residual
+    for row in (rows[1], rows[3]):
+        assert 93 < float(row[3].rstrip("%")) < 97
+        assert 0.2 < float(row[4].rstrip("°")) < 5
+    assert len(read_records(tmp_path / "records.jsonl")) == 8
+    told = run(*words)
+    assert told.out == ""
+    assert "true normals inside the 95 % region, 8192 pixels a row" in told.text
+    assert "not told" in told.text

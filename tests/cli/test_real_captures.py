@@ -110,7 +110,6 @@ def test_every_capture_of_distant_lights_is_in_the_list(run, data_dir):
     ("name", "words"),
     [
         ("hand", ("no file of lights", "light", "capture.toml")),
-        ("near_face", ("not a distant light", "--lights")),
         ("psm", ("sub-folders", "cat", "One capture at a time")),
         ("stereo/cones", ("light",)),
     ],
@@ -132,3 +131,13 @@ def test_near_lamps_are_described(run, data_dir):
     assert done.record["images"]["count"] == 7
     assert done.record["images"]["dark_image"] is True
     assert done.record["lights"]["distant"] is False
+
+
+@pytest.mark.slow
+def test_near_lamps_are_solved(run, data_dir, tmp_path):
+    done = run("reconstruct", data_dir / "near_face", "-o", tmp_path / "out", "--json")
+    assert done.code == 0, done.err
+    assert done.record["normals"]["solver"] == "near-lamps"
+    assert done.record["depth"]["unit"] == "mm"
+    assert done.record["depth"]["median_distance"] == pytest.approx(700, rel=0.02)
+    assert done.record["mesh"]["triangles"] > 200_000

@@ -62,6 +62,7 @@ def test_what_was_done_is_said():
         "reading",
         "saturation gate",
         "shadow gate",
+        "observation mask",
         "tiling",
         "normals (least-squares)",
         "depth (poisson)",

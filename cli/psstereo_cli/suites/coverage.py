@@ -12,14 +12,14 @@ if TYPE_CHECKING:
     from psstereo.normals import NormalSolver
     from psstereo.types import Map, Progress
 
-__all__ = ["LIGHTS", "NOISES", "SCENES", "coverage"]
+__all__ = ["LIGHTS", "METHODS", "NOISES", "SCENES", "coverage"]
 
 NOISES = (0.001, 0.01, 0.03, 0.1)
 """Standard deviation of the noise over the brightness of a pixel that faces the light."""
 LIGHTS = (4, 6, 8, 16, 32, 96)
 SCENES = ((40.0, 35.0), (60.0, 70.0), (80.0, 85.0))
 """Largest tilt of the lights and of the normals [deg]; the more, the more attached shadow."""
-_METHODS = ("least-squares", "robust")
+METHODS = ("least-squares", "robust")
 
 
 def coverage(
@@ -29,7 +29,7 @@ def coverage(
     from psstereo.normals import NORMAL_SOLVERS
 
     width, height = dimensions(size or "64x64")
-    methods = {name: NORMAL_SOLVERS[name]() for name in _METHODS if name in NORMAL_SOLVERS}
+    methods = {name: NORMAL_SOLVERS[name]() for name in METHODS if name in NORMAL_SOLVERS}
     records: list[Record] = []
     rows = []
     total, done = len(NOISES) * len(LIGHTS) * len(SCENES), 0
@@ -49,7 +49,7 @@ def coverage(
         f"By chance alone it is off by {2 * math.sqrt(0.95 * 0.05 / pixels):.1%} in one row of twenty.",
         "95 %: median of the angle that the region reaches, its worst semi-axis.",
     ]
-    return records, _METHODS[0], {"table": table, "notes": notes, "repeats": repeats}
+    return records, METHODS[0], {"table": table, "notes": notes, "repeats": repeats}
 
 
 def _cell(

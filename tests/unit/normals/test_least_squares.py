@@ -84,3 +84,34 @@ def test_float32_samples_are_summed_in_float64():
     low, high = solve(values, directions, "none"), solve(values.astype(np.float64), directions, "none")
     assert low.scaled.dtype == np.float64
     np.testing.assert_array_equal(low.scaled, high.scaled)
+
+
+def grazing(noise, count=4000, seed=0):
+    """Many looks at one steep normal of albedo 1 under 96 lights, a third of them behind it."""
+    directions, normal = spiral(96, max_tilt=1.3), np.array([0.95, 0.0, np.sqrt(1 - 0.95**2)])
+    clean = np.maximum(directions @ normal, 0)[:, None]
+    return directions, normal, clean + np.random.default_rng(seed).normal(0, noise, (96, count))
+
+
+@pytest.mark.parametrize("scale", [None, 1.0, 400.0])
+def test_noise_does_not_choose_the_observations(scale):
+    """Grazing light that noise has made dark stays, as grazing light that it has made bright does: no bias."""
+    directions, normal, values = grazing(0.1)
+    weights = None if scale is None else np.full(values.shape, scale)
+    result = solve(values, directions, weights=weights)
+    mean = result.scaled.mean(axis=0)
+    spread = result.scaled.std(axis=0).mean() / np.sqrt(values.shape[1])
+    assert np.abs(mean - normal).max() < 0.012  # 0.041 where whatever is dark is left out
+    assert spread < 0.001
+    assert np.abs(result.used.astype(float).mean() - (directions @ normal > 0.02).sum()) < 1.5
+
+
+def test_a_cast_shadow_is_left_out_of_noisy_values_too():
+    directions, normal, values = grazing(0.01)
+    shaded = np.flatnonzero(directions @ normal > 0.5)[::3]
+    values[shaded] = np.random.default_rng(1).normal(0, 0.01, (len(shaded), values.shape[1]))
+    solver = LeastSquares()
+    found = solver.solve(solver.prepare(Rig.distant(directions)), Samples(values, verdicts=True))
+    assert (found.verdicts[shaded] == 1).mean() > 0.97
+    angle = np.arccos(np.clip(found.scaled @ normal / np.linalg.norm(found.scaled, axis=1), -1, 1))
+    assert np.degrees(angle).mean() < 0.6

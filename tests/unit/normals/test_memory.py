@@ -103,18 +103,35 @@ def test_without_a_bound_it_is_the_samples_and_little_more(surface, unbounded):
     assert held < 1.5 * samples
 
 
-@pytest.mark.parametrize("extra", ["dark", "response", "colour", "weights"])
+@pytest.mark.parametrize(
+    "extra", ["dark", "response", "colour", "weights", "covariance", "mask", "coloured covariance"]
+)
 def test_the_bound_holds_with_everything_on(surface, extra):
     limit = 60_000_000
     dark = np.full((HEIGHT, WIDTH, 1), 3.0) if extra == "dark" else None
     response = Response("srgb") if extra == "response" else Response()
-    channels = 3 if extra == "colour" else 1
+    channels = 3 if extra.startswith("colour") else 1
     weights = np.broadcast_to(np.float32(1.0), (LIGHTS, HEIGHT, WIDTH)).copy() if extra == "weights" else None
     capture = capture_of(surface, channels, dark=dark, response=response)
-    options = {"gray": "per-channel"} if extra == "colour" else {"weights": weights}
+    options = {"gray": "per-channel"} if extra.startswith("colour") else {"weights": weights}
+    if extra == "mask":
+        options["observation_mask"] = np.broadcast_to(True, (LIGHTS, HEIGHT, WIDTH))
+    options["covariance"] = extra.endswith("covariance")
     result, held = peak(capture, max_memory=limit, workers=2, **options)
     assert result.facts["samples_in"] == "temporary file"
     assert held < limit
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_bound_holds_with_verdicts(surface, workers):
+    """They are one byte an observation of the whole image, and fill their images at once."""
+    limit = LIGHTS * HEIGHT * WIDTH + 35_000_000
+    result, held = peak(capture_of(surface), max_memory=limit, workers=workers, verdicts=True)
+    assert result.facts["samples_in"] == "temporary file"
+    assert result.verdicts.nbytes == LIGHTS * HEIGHT * WIDTH
+    assert held < limit
+    with pytest.raises(InputError, match="memory limit is 30 MB"):
+        estimate_normals(capture_of(surface), max_memory=30_000_000, verdicts=True)
 
 
 def test_a_bound_that_cannot_be_met_is_refused(surface):

@@ -1,0 +1,52 @@
+"""``psstereo solvers``: the table, the options of one, and the same for machines."""
+
+import pytest
+
+from psstereo.normals import NORMAL_SOLVERS, solver_options
+
+
+def test_all_solvers_are_listed_with_what_they_need(run):
+    done = run("solvers")
+    assert done.code == 0
+    assert done.out == ""
+    for words in ("solver", "what it does", "assumes that", "least lights", "pays from", "avoid it when"):
+        assert words in done.text
+    for name in NORMAL_SOLVERS:
+        assert f" {name} " in done.err
+    assert "psstereo solvers NAME" in done.err
+
+
+def test_machines_get_the_same(run):
+    done = run("solvers", "--json")
+    assert done.code == 0
+    assert done.err == ""
+    assert list(done.record) == list(NORMAL_SOLVERS)
+    for name, facts in done.record.items():
+        solver = NORMAL_SOLVERS[name]
+        assert facts["summary"] == solver.summary
+        assert facts["assumes"] == solver.assumes
+        assert facts["avoid"] == solver.avoid
+        assert facts["least_lights"] == solver.least_lights
+        assert facts["pays_from"] == solver.pays_from
+        assert [option["name"] for option in facts["options"]] == [option.name for option in solver_options(solver)]
+
+
+@pytest.mark.parametrize("name", sorted(NORMAL_SOLVERS))
+def test_the_options_of_one(run, name):
+    told, record = run("solvers", name), run("solvers", name, "--json").record
+    assert told.code == 0
+    assert told.out == ""
+    assert record["name"] == name
+    for option in solver_options(NORMAL_SOLVERS[name]):
+        assert f" {option.name} " in told.err
+        assert {"name": option.name, "kind": option.kind, "default": option.default, "meaning": option.meaning} in (
+            record["options"]
+        )
+    assert f"--solver {name} --option KEY=VALUE" in told.text
+
+
+def test_an_unknown_solver_is_told_with_the_nearest(run):
+    done = run("solvers", "robst", "--json")
+    assert done.code == 3
+    assert "robst" in done.record["error"]["given"]
+    assert done.record["error"]["remedy"] == "Did you mean robust?"
