@@ -34,7 +34,7 @@ class IntegrableBasis:
     matrix : float64 array (3, 3)
         A, with b = A s; b₃ is positive for most pixels.
     ratio : float
-        Fifth over sixth singular value of the equations: how far the answer stands out, 1 for normals of no surface [1].
+        Fifth over sixth singular value of the equations: how far it stands out, 1 for normals of no surface [1].
     equations : int
         Pixels that gave an equation.
     """

@@ -101,7 +101,7 @@ def test_noise_does_not_choose_the_observations(scale):
     result = solve(values, directions, weights=weights)
     mean = result.scaled.mean(axis=0)
     spread = result.scaled.std(axis=0).mean() / np.sqrt(values.shape[1])
-    assert np.abs(mean - normal).max() < 0.012  # 0.041 where whatever is dark is left out
+    assert np.abs(mean - normal).max() < 0.012  # 0.076 where whatever is dark is left out, judged twice
     assert spread < 0.001
     assert np.abs(result.used.astype(float).mean() - (directions @ normal > 0.02).sum()) < 1.5
 
