@@ -1,8 +1,8 @@
 """Brightness split into lights and scaled normals, known up to a 3 × 3 matrix.
 
-Images of a matte surface have rank three: V = T S with lights T (m, 3) and scaled normals S (3, p), and T M with M⁻¹ S
-is as good for every invertible M. A plain singular value decomposition takes shadows and highlights for data; here it only
-starts an alternation that fits normals to lights and lights to normals with weights that leave those out.
+Images of a matte surface have rank three: V = T S with lights T (m, 3) and scaled normals S (3, p), and T M with
+M⁻¹ S is as good for every invertible M. A plain singular value decomposition takes shadows and highlights for data;
+here it only starts an alternation that fits normals to lights and lights to normals with weights that leave those out.
 """
 
 from dataclasses import dataclass
