@@ -74,4 +74,7 @@ def test_any_sheared_box_adds_up_from_any_point_inside(weights, shear, size):
     turn = np.array([[1.0, shear[0], shear[1]], [0.0, 1.0, shear[2]], [0.0, 0.0, 1.0]])
     corners = CUBE * size @ turn.T
     share = np.array(weights) / np.sum(weights)
-    assert sum(shares(corners, share @ corners).values()) == pytest.approx(4 * np.pi, abs=1e-10)
+    # Rounding grows with the length of a wall over its height and over the cosine at which it is seen.
+    slender = np.linalg.cond(turn * size)
+    bound = 4 * np.pi * 1e-15 * (100 + slender**2)
+    assert sum(shares(corners, share @ corners).values()) == pytest.approx(4 * np.pi, abs=bound)
