@@ -22,7 +22,7 @@ orthonormal factor of the light matrix. The steps are these.
    neighbours on the dome: about 0 for noise, toward 1 for a smooth error of the model.
 4. **Polish.** One weighted solution with the final weights in double precision.
 
-Quantiles are found by bisection, which compares whole rows at a time; ten steps are a thousandth of the range.
+Quantiles are found by bisection, which compares whole rows at a time; twelve steps are 1/4096 of the range.
 
 References
 ----------
@@ -64,8 +64,8 @@ def robust_fit(
         Orthonormal factor of the light matrix.
     r_inverse : float64 array (3, 3)
         Inverse of its triangular factor.
-    neighbours : int array (2, k)
-        Pairs of a light and one that is near it.
+    neighbours : uint32 array (3, k)
+        Pairs of a light and one that is near it, and how often each counts.
     settings : Settings
         How.
     verdicts : bool
@@ -117,7 +117,7 @@ class _Pixels:
         x, ok = self._start(bright * ((y >= low - 4e-3) & (y <= high)))
         ok &= self.fit_at_all
         floor = s.floor * high
-        scale = np.maximum(self._by_quantile(x, g, 0.5, 11) * MAD, floor)
+        scale = np.maximum(self._by_quantile(x, g, 0.5, 8) * MAD, floor)
         given = s.scale / np.where(self.brightest > 0, self.brightest, 1.0)
         scale = given if s.scale > 0 else scale
         lit = np.count_nonzero(self._lit(x, g), axis=0)
@@ -129,7 +129,7 @@ class _Pixels:
         todo = ok & ~plain
         self._iterate(todo, first, tuning, gate, x, scale, floor, settled, frozen=s.scale > 0)
         if adaptive:
-            by_median = np.maximum(self._by_quantile(x, g, 0.5, 11) * MAD, floor)
+            by_median = np.maximum(self._by_quantile(x, g, 0.5, 12) * MAD, floor)
             kind = np.where(plain, kind, self._kinds(x, scale, by_median, high))
             white, structured = todo & (kind == Kind.WHITE), todo & (kind == Kind.STRUCTURED)
             loss, factor = np.where(white, _TUKEY, loss), np.where(white, LOSSES["tukey"], factor)
@@ -205,8 +205,8 @@ class _Pixels:
         kept = ((np.abs(r) < 4 * scale) & (self._lit(x, self.g) > 0)).astype(np.float64)
         count = kept.sum(axis=0)
         r = (r - (r * kept).sum(axis=0) / np.maximum(count, 1)) * kept
-        one, other = self.neighbours
-        products, pairs = (r[one] * r[other]).sum(axis=0), (kept[one] * kept[other]).sum(axis=0)
+        one, other, times = self.neighbours
+        products, pairs = times @ (r[one] * r[other]), times @ (kept[one] * kept[other])
         variance = (r * r).sum(axis=0) / np.maximum(count, 1)
         moran = products / np.maximum(pairs, 1) / (variance + 1e-30)
         uneven = (by_median > self.s.small * high) & (moran > self.s.structure * np.sqrt(96.0 / np.maximum(count, 1)))
@@ -216,8 +216,8 @@ class _Pixels:
     def _middle(self, mass: FloatArray) -> FloatArray:
         width = np.minimum(1.0, np.maximum(self.s.width, self.s.keep / np.maximum(self.usable, 1)))
         start = np.minimum(np.maximum(0.0, self.s.middle - width / 2), 1.0 - width)
-        low = _quantile(self.y, self.g, np.ones_like(mass), start * mass, 11)
-        high = _quantile(self.y, self.g, np.ones_like(mass), (start + width) * mass, 11)
+        low = _quantile(self.y, self.g, np.ones_like(mass), start * mass, 12)
+        high = _quantile(self.y, self.g, np.ones_like(mass), (start + width) * mass, 12)
         return np.asarray(self.g * ((self.y >= low - 5e-4) & (self.y <= high)))
 
     def _result(
@@ -262,6 +262,7 @@ class _Pixels:
             scale=np.where(ok, scale * self.brightest, np.nan),
             used=np.where(ok, used, 0),
             looked_at=np.where(ok, looked, 0),
+            usable=self.usable,
             kind=found,
             converged=ok & settled,
             verdicts=judged,

@@ -13,15 +13,21 @@ from numba import njit
 
 from psstereo.kernels.robust_loops_compiled import (
     between,
+    count,
+    count_used,
+    largest,
     moments,
     moments64,
+    normalise,
     quantile,
     residuals,
     round_geman_mcclure,
     round_tukey,
     slope,
+    sort_out,
     spread,
     structure,
+    two_quantiles,
     weigh,
 )
 from psstereo.kernels.robust_settings import CONSISTENCY, MAD, QUARTILE, Kind, RobustFit, Settings
@@ -137,140 +143,149 @@ def _judge(y, g, gate, x, w, lit, r, scale, albedo, q, dark, verdicts, j):
 
 
 @_plain
+def _fetch(values, weights, j, rows, heavy):
+    """Transpose the next pixels."""
+    few = min(_TOGETHER, values.shape[1] - j)
+    for i in range(values.shape[0]):
+        for k in range(few):
+            rows[k, i] = values[i, j + k]
+    if weights.size:
+        for i in range(values.shape[0]):
+            for k in range(few):
+                heavy[k, i] = weights[i, j + k]
+
+
+@_plain
+def _start(y, g, q, r_inverse, s, given, work, o, gate, x):
+    """Fit the middle ranks; return the verdict on the pixel so far, the first scale and its floor."""
+    bright, size, lit = work[2], work[1], work[2]
+    between(y, g, F(s.dark), _TWO, bright)
+    number, mass = count(bright)
+    if number < s.least:
+        return _PLAIN, _ZERO, _ZERO, _ZERO
+    low, high = two_quantiles(y, bright, _ONE, F(s.low) * mass, F(s.high) * mass, 4)
+    between(y, bright, low - F(4e-3), high, gate)
+    moments(y, gate, q, o)
+    x[0], x[1], x[2] = 0.0, 0.0, 0.0
+    if not _solve(o, x, x):
+        return _UNSOLVED, _ZERO, _ZERO, _ZERO
+    floor = F(s.floor) * high
+    total, top = residuals(y, g, q, x, F(s.dark * _albedo(r_inverse, x)), work[0], size, lit)
+    number, _ = count(lit)
+    if number < s.least:
+        return _PLAIN, _ZERO, _ZERO, _ZERO
+    scale = max(_MAD * quantile(size, lit, top, _HALF * total, 4), floor)
+    return _PILED_UP, given if given > 0 else scale, floor, high
+
+
+@_plain
+def _tell(y, g, q, r_inverse, neighbours, s, scale, floor, high, x, work):
+    """Return what the residuals are like, and their scale by the median."""
+    total, top = residuals(y, g, q, x, F(s.dark * _albedo(r_inverse, x)), work[0], work[1], work[2])
+    by_median = max(_MAD * quantile(work[1], work[2], top, _HALF * total, 6), floor)
+    if not by_median > F(s.small) * high:
+        return _WHITE, by_median
+    moran, within = structure(work[0], work[1], work[2], neighbours, F(4) * scale, work[4])
+    if not moran > s.structure * math.sqrt(96.0 / max(within, _ONE)):
+        return _WHITE, by_median
+    by_quartile = _QUARTILE * quantile(work[1], work[2], top, F(0.25) * total, 6)
+    return (_STRUCTURED if by_quartile > F(s.piled) * by_median else _PILED_UP), by_median
+
+
+@_plain
+def _middle(y, g, mass, usable, s, gate):
+    """Fill the weights of the middle ranks of brightness."""
+    width = min(1.0, max(s.width, s.keep / usable))
+    start = min(max(0.0, s.middle - width / 2), 1.0 - width)
+    low, high = two_quantiles(y, g, _ONE, F(start) * mass, F(start + width) * mass, 6)
+    between(y, g, low - F(5e-4), high, gate)
+
+
+@_plain
+def _polish(y64, y, gate, q64, q32, r_inverse, s, loss, inverse, exact, work, o64, x):
+    """Solve once more in double precision with the weights as they are now; False if that cannot be done."""
+    residuals(y, gate, q32, x, F(s.dark * _albedo(r_inverse, x)), work[0], work[1], work[2])
+    weigh(loss, work[0], work[2], inverse, work[3])
+    moments64(y64, work[3], q64, x, o64)
+    if not _solve(o64, x, x):
+        return False
+    if exact:
+        moments64(y64, work[3], q64, x, o64)
+        _solve(o64, x, x)
+    return True
+
+
+@_plain
+def _variance(loss, inverse, scale, looked, work):
+    """Return the factor that makes the inverse of Σ q qᵀ a covariance, NaN if nothing is left over to tell it by."""
+    if not looked > 3:
+        return np.nan
+    mean, variance = slope(loss, work[0], work[2], inverse)
+    if not mean > 0 or loss == 0:
+        return np.pi / 2 * scale**2
+    correction = 1 + 3.0 / looked * variance / (mean * mean)
+    return correction * correction * spread(work[0], work[3])[1] / (looked - 3) / (mean * mean)
+
+
+@_plain
 def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, exact, x_out, matrix, facts, counts, verdicts):
     m, pixels = values.shape
-    rows, heavy = np.zeros((_TOGETHER, m)), np.ones((_TOGETHER, m))
-    y, y64, g, gate = np.zeros(m, np.float32), np.zeros(m), np.zeros(m, np.float32), np.zeros(m, np.float32)
-    work = np.zeros((5, m), np.float32)
-    o, o64, x, zero = np.zeros(9, np.float32), np.zeros(9), np.zeros(3), np.zeros(3)
-    adaptive = s.loss == 6
-    first = 3 if adaptive else s.loss
-    tuning = 1.0 if adaptive else s.tuning
+    rows, heavy = np.zeros((_TOGETHER, m), values.dtype), np.ones((_TOGETHER, m))
+    y, y64, g64 = np.zeros(m, np.float32), np.zeros(m), np.zeros(m)
+    g, gate, work = np.zeros(m, np.float32), np.zeros(m, np.float32), np.zeros((5, m), np.float32)
+    o, o64, x = np.zeros(9, np.float32), np.zeros(9), np.zeros(3)
+    adaptive, frozen = s.loss == 6, s.scale > 0
+    first, first_tuning = (3, 1.0) if adaptive else (s.loss, s.tuning)
     for j in range(pixels):
         if j % _TOGETHER == 0:
-            few = min(_TOGETHER, pixels - j)
-            for i in range(m):
-                for k in range(few):
-                    rows[k, i] = values[i, j + k]
-                    if weights.size:
-                        heavy[k, i] = weights[i, j + k]
-        row, weight = rows[j % _TOGETHER], heavy[j % _TOGETHER]
-        brightest, heaviest, usable = 0.0, 0.0, 0
-        for i in range(m):
-            v = row[i]
-            ok = v == v and abs(v) < np.inf and weight[i] > 0
-            y64[i] = v if ok else 0.0
-            g[i] = weight[i] if ok else 0.0
-            usable += 1 if ok else 0
-            brightest = max(brightest, y64[i])
-            heaviest = max(heaviest, float(g[i]))
-        counts[0, j], counts[1, j], counts[3, j] = 0, 0, usable
-        counts[2, j] = _UNSOLVED
+            _fetch(values, weights, j, rows, heavy)
+        usable = sort_out(rows[j % _TOGETHER], heavy[j % _TOGETHER], y64, g64)
+        brightest = largest(y64)
+        counts[0, j], counts[1, j], counts[2, j], counts[3, j] = 0, 0, _UNSOLVED, usable
         facts[0, j], facts[1, j], facts[2, j] = np.nan, np.nan, 0.0
         x_out[j, 0], x_out[j, 1], x_out[j, 2] = np.nan, np.nan, np.nan
         if verdicts.size:
             for i in range(m):
-                verdicts[i, j] = _UNUSABLE if g[i] == 0 else _USED
+                verdicts[i, j] = _UNUSABLE if g64[i] == 0 else _USED
         if usable < 3 or not brightest > 0:
             continue
-        for i in range(m):
-            y64[i] /= brightest
-            y[i] = y64[i]
-            g[i] /= heaviest
-        mass = _ZERO
-        for i in range(m):
-            mass += g[i]
-        between(y, g, F(s.dark), _TWO, work[2])
-        bright, bright_mass = 0, _ZERO
-        for i in range(m):
-            bright += 1 if work[2][i] > 0 else 0
-            bright_mass += work[2][i]
-        if bright < s.least:
-            counts[2, j] = _PLAIN
+        mass = normalise(y64, g64, brightest, largest(g64), y, g)
+        given = F(s.scale / brightest)
+        kind, scale, floor, high = _start(y, g, q32, r_inverse, s, given, work, o, gate, x)
+        if kind != _PILED_UP:
+            counts[2, j] = kind
             continue
-        low = quantile(y, work[2], _ONE, F(s.low) * bright_mass, 8)
-        high = quantile(y, work[2], _ONE, F(s.high) * bright_mass, 8)
-        between(y, work[2], low - F(4e-3), high, gate)
-        moments(y, gate, q32, o)
-        if not _solve(o, zero, x):
-            continue
-        floor = F(s.floor) * high
-        dark = F(s.dark * _albedo(r_inverse, x))
-        count, top = residuals(y, g, q32, x, dark, work[0], work[1], work[2])
-        scale = max(_MAD * quantile(work[1], work[2], top, _HALF * count, 11), floor)
-        if s.scale > 0:
-            scale = F(s.scale / brightest)
-        loss, kind, settled = first, _PILED_UP, True
         for i in range(m):
             gate[i] = g[i]
-        lit_count = 0
-        for i in range(m):
-            lit_count += 1 if work[2][i] > 0 else 0
-        if lit_count < s.least:
-            counts[2, j] = _PLAIN
-            continue
-        tuning_now = tuning
-        scale, settled = _iterate(
-            first, tuning, scale, s.scale > 0, floor, y, g, q32, r_inverse, x, s, s.rounds, work, o
-        )
+        loss, tuning = first, first_tuning
+        scale, settled = _iterate(loss, tuning, scale, frozen, floor, y, g, q32, r_inverse, x, s, s.rounds, work, o)
         if adaptive:
-            dark = F(s.dark * _albedo(r_inverse, x))
-            count, top = residuals(y, g, q32, x, dark, work[0], work[1], work[2])
-            by_median = max(_MAD * quantile(work[1], work[2], top, _HALF * count, 11), floor)
-            kind = _WHITE
-            if by_median > F(s.small) * high:
-                moran, within = structure(work[0], work[1], work[2], neighbours, F(4) * scale, work[4])
-                if moran > s.structure * math.sqrt(96.0 / max(within, _ONE)):
-                    by_quartile = _QUARTILE * quantile(work[1], work[2], top, F(0.25) * count, 12)
-                    kind = _STRUCTURED if by_quartile > F(s.piled) * by_median else _PILED_UP
+            kind, by_median = _tell(y, g, q32, r_inverse, neighbours, s, scale, floor, high, x, work)
+            again = kind != _PILED_UP
             if kind == _WHITE:
-                loss, tuning_now = _TUKEY, _TUKEY_TUNING
-                noise = F(s.scale / brightest) if s.scale > 0 else by_median
-                scale, settled = _iterate(
-                    _TUKEY, _TUKEY_TUNING, noise, True, floor, y, g, q32, r_inverse, x, s, s.rounds, work, o
-                )
+                loss, tuning, scale = _TUKEY, _TUKEY_TUNING, given if frozen else by_median
             elif kind == _STRUCTURED:
-                width = min(1.0, max(s.width, s.keep / usable))
-                start = min(max(0.0, s.middle - width / 2), 1.0 - width)
-                low = quantile(y, g, _ONE, F(start) * mass, 11)
-                high = quantile(y, g, _ONE, F(start + width) * mass, 11)
-                between(y, g, low - F(5e-4), high, gate)
+                _middle(y, g, mass, usable, s, gate)
+                scale = by_median
+            if again:
+                keep = frozen or kind == _WHITE
                 scale, settled = _iterate(
-                    first, tuning, by_median, s.scale > 0, floor, y, gate, q32, r_inverse, x, s, s.rounds, work, o
+                    loss, tuning, scale, keep, floor, y, gate, q32, r_inverse, x, s, s.rounds, work, o
                 )
-        # Polish in double precision with the weights as they are now.
-        albedo = _albedo(r_inverse, x)
-        residuals(y, gate, q32, x, F(s.dark * albedo), work[0], work[1], work[2])
-        inverse = _ONE / F(tuning_now * scale)
-        weigh(loss, work[0], work[2], inverse, work[3])
-        moments64(y64, work[3], q64, x, o64)
-        if not _solve(o64, x, x):
+        inverse = _ONE / F(tuning * scale)
+        if not _polish(y64, y, gate, q64, q32, r_inverse, s, loss, inverse, exact, work, o64, x):
             continue
-        if exact:
-            moments64(y64, work[3], q64, x, o64)
-            _solve(o64, x, x)
         moments(y, work[2], q32, o)
         for k in range(6):
             matrix[j, k] = o[k]
-        used, looked = 0, 0
-        for i in range(m):
-            looked += 1 if work[2][i] > 0 else 0
-            used += 1 if (work[2][i] > 0 and work[3][i] >= F(0.25) * work[2][i]) else 0
-        _, influence = spread(work[0], work[3])
-        mean, variance = slope(loss, work[0], work[2], inverse)
-        if looked > 3 and mean > 0 and loss != 0:
-            correction = 1 + 3.0 / looked * variance / (mean * mean)
-            facts[0, j] = correction * correction * influence / (looked - 3) / (mean * mean) * brightest * brightest
-        elif looked > 3:
-            facts[0, j] = np.pi / 2 * (scale * brightest) ** 2
-        facts[1, j] = scale * brightest
-        facts[2, j] = 1.0 if settled else 0.0
-        counts[0, j], counts[1, j] = used, looked
-        counts[2, j] = kind if adaptive else _WHITE
+        looked, used = count_used(work[2], work[3])
+        facts[0, j] = _variance(loss, inverse, scale, looked, work) * brightest * brightest
+        facts[1, j], facts[2, j] = scale * brightest, 1.0 if settled else 0.0
+        counts[0, j], counts[1, j], counts[2, j] = int(used), int(looked), kind if adaptive else _WHITE
         for k in range(3):
             x_out[j, k] = x[k] * brightest
         if verdicts.size:
-            _judge(y, g, gate, x, work[3], work[2], work[0], scale, albedo, q64, s.dark, verdicts, j)
+            _judge(y, g, gate, x, work[3], work[2], work[0], scale, _albedo(r_inverse, x), q64, s.dark, verdicts, j)
 
 
 def robust_fit(
@@ -292,4 +307,4 @@ def robust_fit(
     fine = values.dtype == np.float64  # then a second step of correction is worth its while
     single = rows.astype(np.float32)
     _pixels(values, heavy, rows, single, r_inverse, neighbours, settings, fine, x, matrix, facts, counts, judged)
-    return RobustFit(x, matrix, facts[0], facts[1], counts[0], counts[1], counts[2], facts[2] > 0, judged)
+    return RobustFit(x, matrix, facts[0], facts[1], counts[0], counts[1], counts[3], counts[2], facts[2] > 0, judged)

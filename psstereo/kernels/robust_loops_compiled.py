@@ -8,41 +8,124 @@ from numba import njit
 
 __all__ = [
     "between",
+    "count",
+    "count_used",
+    "largest",
     "moments",
     "moments64",
+    "normalise",
     "quantile",
     "residuals",
     "round_geman_mcclure",
     "round_tukey",
     "slope",
+    "sort_out",
     "spread",
     "structure",
+    "two_quantiles",
     "weigh",
 ]
 
 F = np.float32
-_ZERO, _HALF, _ONE, _TWO, _THREE, _FIVE = F(0), F(0.5), F(1), F(2), F(3), F(5)
+_ZERO, _QUARTER, _ONE, _TWO, _THREE, _FIVE = F(0), F(0.25), F(1), F(2), F(3), F(5)
 
 # Nothing here is NaN or infinite (that is sorted out before), and sums may be taken in any fixed order.
 _loop: Any = njit(
     nogil=True, cache=True, error_model="numpy", fastmath={"nnan", "ninf", "nsz", "arcp", "contract", "reassoc"}
 )
+_clean: Any = njit(nogil=True, cache=True, error_model="numpy")
+
+
+@_clean
+def sort_out(row, weight, y, g):
+    """Fill brightness and weights, both 0 where an observation cannot be used; return how many can."""
+    usable = 0
+    for i in range(len(row)):
+        v = row[i]
+        ok = abs(v) < np.inf and weight[i] > 0
+        y[i] = v if ok else 0.0
+        g[i] = weight[i] if ok else 0.0
+        usable += 1 if ok else 0
+    return usable
+
+
+@_loop
+def largest(a):
+    """Return the largest entry, 0 if all are negative."""
+    top = a[0]
+    for i in range(len(a)):
+        top = max(top, a[i])
+    return max(top, top - top)
+
+
+@_loop
+def normalise(y64, g64, brightest, heaviest, y, g):
+    """Divide brightness and weights by their largest, and copy them in single precision; return the sum of weights."""
+    inverse, lighter, mass = 1.0 / brightest, 1.0 / heaviest, _ZERO
+    for i in range(len(y)):
+        v, w = y64[i] * inverse, F(g64[i] * lighter)
+        y64[i], y[i], g[i] = v, F(v), w
+        mass += w
+    return mass
+
+
+@_loop
+def count(w):
+    """Return how many weights are positive, and their sum."""
+    number, total = _ZERO, _ZERO
+    for i in range(len(w)):
+        number += _ONE if w[i] > _ZERO else _ZERO
+        total += w[i]
+    return number, total
+
+
+@_loop
+def count_used(lit, w):
+    """Return how many observations are lit, and how many of them have a quarter of their full weight or more."""
+    looked, used = _ZERO, _ZERO
+    for i in range(len(w)):
+        looked += _ONE if lit[i] > _ZERO else _ZERO
+        used += _ONE if (lit[i] > _ZERO and w[i] >= _QUARTER * lit[i]) else _ZERO
+    return looked, used
 
 
 @_loop
 def quantile(a, g, top, want, steps):
-    """Return the value below which `want` of the weights g lie, by bisection on 0 … top."""
-    low, high = _ZERO, top
+    """Return the value below which `want` of the weights g lie, on 0 … top, a quarter of the range in each step."""
+    low, width = _ZERO, top
     for _ in range(steps):
-        middle = _HALF * (low + high)
-        below = _ZERO
+        quarter = _QUARTER * width
+        t1, t2, t3 = low + quarter, low + _TWO * quarter, low + _THREE * quarter
+        c1, c2, c3 = _ZERO, _ZERO, _ZERO
         for i in range(len(a)):
-            below += g[i] if a[i] < middle else _ZERO
-        if below < want:
-            low = middle
-        else:
-            high = middle
-    return high
+            c1 += g[i] if a[i] < t1 else _ZERO
+            c2 += g[i] if a[i] < t2 else _ZERO
+            c3 += g[i] if a[i] < t3 else _ZERO
+        low += (F(c1 < want) + F(c2 < want) + F(c3 < want)) * quarter
+        width = quarter
+    return low + width
+
+
+@_loop
+def two_quantiles(a, g, top, want, other, steps):
+    """Do the same for two shares at once."""
+    low, high, width = _ZERO, _ZERO, top
+    for _ in range(steps):
+        quarter = _QUARTER * width
+        t1, t2, t3 = low + quarter, low + _TWO * quarter, low + _THREE * quarter
+        u1, u2, u3 = high + quarter, high + _TWO * quarter, high + _THREE * quarter
+        c1, c2, c3, d1, d2, d3 = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+        for i in range(len(a)):
+            c1 += g[i] if a[i] < t1 else _ZERO
+            c2 += g[i] if a[i] < t2 else _ZERO
+            c3 += g[i] if a[i] < t3 else _ZERO
+            d1 += g[i] if a[i] < u1 else _ZERO
+            d2 += g[i] if a[i] < u2 else _ZERO
+            d3 += g[i] if a[i] < u3 else _ZERO
+        low += (F(c1 < want) + F(c2 < want) + F(c3 < want)) * quarter
+        high += (F(d1 < other) + F(d2 < other) + F(d3 < other)) * quarter
+        width = quarter
+    return low + width, high + width
 
 
 @_loop
@@ -257,7 +340,7 @@ def structure(r, size, lit, neighbours, limit, kept):
         variance += e * e
     products, pairs = _ZERO, _ZERO
     for k in range(neighbours.shape[1]):
-        i, j = neighbours[0, k], neighbours[1, k]
-        products += r[i] * r[j]
-        pairs += kept[i] * kept[j]
+        i, j, n = neighbours[0, k], neighbours[1, k], F(neighbours[2, k])
+        products += n * r[i] * r[j]
+        pairs += n * kept[i] * kept[j]
     return (products / max(pairs, _ONE)) / (variance / max(count, _ONE) + F(1e-30)), count

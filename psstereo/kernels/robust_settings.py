@@ -87,6 +87,8 @@ class RobustFit(NamedTuple):
         Observations with at least a quarter of their full weight.
     looked_at : int64 array (p,)
         Lit observations within the ranks that were fitted.
+    usable : int64 array (p,)
+        Observations that could take part.
     kind : int64 array (p,)
         One of :class:`Kind`.
     converged : bool array (p,)
@@ -101,6 +103,7 @@ class RobustFit(NamedTuple):
     scale: FloatArray
     used: IntArray
     looked_at: IntArray
+    usable: IntArray
     kind: IntArray
     converged: BoolArray
     verdicts: Array

@@ -45,8 +45,8 @@ class RobustState:
     ----------
     rig : RigFactor
         The light matrix, factored.
-    neighbours : int32 array (2, k)
-        Pairs of a light and one that is near it.
+    neighbours : uint32 array (3, k)
+        Pairs of a light and one that is near it, and how often each counts.
     settings : Settings
         Numbers of the fit.
     fit : callable
@@ -174,26 +174,26 @@ class Robust(NormalSolver[RobustState]):
 
 
 def _neighbours(directions: FloatArray) -> IntArray:
-    """Return pairs of a light and one of those nearest to it, (2, k).
+    """Return pairs of a light and one of those nearest to it, and how often each pair counts, (3, k).
 
-    As many as are equally near count, so that turning the rig changes nothing.
+    A pair counts twice where each is among the nearest of the other. As many as are equally near count, so that turning
+    the rig changes nothing.
     """
     alike: FloatArray = directions @ directions.T
     np.fill_diagonal(alike, -np.inf)
     nearest = np.sort(alike, axis=1)[:, -min(_NEIGHBOURS, len(directions) - 1)]
-    return np.stack(np.nonzero(alike >= nearest[:, None] - _EQUALLY_NEAR)).astype(np.int32)
+    near = (alike >= nearest[:, None] - _EQUALLY_NEAR).astype(np.uint32)
+    times = np.triu(near + near.T)
+    one, other = np.nonzero(times)
+    return np.stack([one, other, times[one, other]]).astype(np.uint32)  # unsigned: compiled code wraps signed ones
 
 
 def _flags(fit: RobustFit, samples: Samples) -> FlagArray:
-    usable = np.isfinite(samples.values)
-    if samples.weights is not None:
-        usable &= samples.weights > 0
-    available = usable.sum(axis=0)
-    flags = np.zeros(len(available), np.uint16)
+    flags = np.zeros(len(fit.usable), np.uint16)
     marks = (
         (~fit.converged, Flag.NOT_CONVERGED),
-        (available < len(usable), Flag.UNUSABLE_SAMPLE),
-        (fit.looked_at < available, Flag.SHADOWED),
+        (fit.usable < len(samples.values), Flag.UNUSABLE_SAMPLE),
+        (fit.looked_at < fit.usable, Flag.SHADOWED),
     )
     for where, flag in marks:
         flags[where] |= np.uint16(flag)
