@@ -8,7 +8,7 @@ orthonormal factor of the light matrix. The steps are these.
 2. **Rounds** of iteratively reweighted least squares with the chosen loss. The scale s is first the median residual of
    the lit observations, then follows the weights: ``s² = Σ w r² / (c Σ w)``, with c such that s is the standard
    deviation of Gaussian residuals. Under a redescending loss it shrinks to the floor where most residuals pile up at
-   zero, and stays where they do not.
+   zero, and stays where they do not. Where this goes back and forth, what is lit and the scale are held in the end.
 3. **What is left over**, when the loss is to be chosen (`ADAPTIVE`). Three things are told apart by the residuals of a
    Geman–McClure fit, pixel by pixel:
 
@@ -34,7 +34,7 @@ from typing import Any
 
 import numpy as np
 
-from psstereo.kernels.robust_settings import ADAPTIVE, CONSISTENCY, LOSSES, MAD, QUARTILE, Kind, RobustFit, Settings
+from psstereo.kernels.robust_settings import ADAPTIVE, CONSISTENCY, LOSSES, MAD, MORE, QUARTILE, Kind, RobustFit, Settings
 from psstereo.types import Array, BoolArray, FloatArray, IntArray
 from psstereo.verdict import Verdict
 
@@ -176,12 +176,17 @@ class _Pixels:
         """Run rounds at some pixels, in place; each stops on its own."""
         active = np.flatnonzero(todo)
         settled[active] = False
-        for _ in range(self.s.rounds):
+        held = gate
+        for k in range(MORE * self.s.rounds):
             if len(active) == 0:
                 return
+            if k == self.s.rounds:
+                # What is lit, or the scale, goes back and forth. With both held each round lowers the loss.
+                held, frozen = self._lit(x, gate), True
             part = self._some(active)
-            r = part.y - part.q @ x[:, active]
-            w = weight(loss, r / (tuning * scale[active])) * part._lit(x[:, active], gate[:, active])
+            r, lit = part.y - part.q @ x[:, active], held[:, active]
+            lit = lit if k >= self.s.rounds else part._lit(x[:, active], lit)
+            w = weight(loss, r / (tuning * scale[active])) * lit
             new, ok = _solve(*part._moments(w, part.y))
             active, new, r, w = active[ok], new[:, ok], r[:, ok], w[:, ok]
             if not frozen:

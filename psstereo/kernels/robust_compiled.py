@@ -30,7 +30,7 @@ from psstereo.kernels.robust_loops_compiled import (
     two_quantiles,
     weigh,
 )
-from psstereo.kernels.robust_settings import CONSISTENCY, MAD, QUARTILE, Kind, RobustFit, Settings
+from psstereo.kernels.robust_settings import CONSISTENCY, MAD, MORE, QUARTILE, Kind, RobustFit, Settings
 from psstereo.types import Array, FloatArray, IntArray
 from psstereo.verdict import Verdict
 
@@ -38,7 +38,7 @@ __all__ = ["robust_fit"]
 
 F = np.float32
 _ZERO, _HALF, _ONE, _TWO = F(0), F(0.5), F(1), F(2)
-_TOGETHER = 16
+_TOGETHER, _MORE = 16, MORE
 _CONSISTENCY = np.array(CONSISTENCY, np.float32)
 _MAD, _QUARTILE = F(MAD), F(QUARTILE)
 _TUKEY, _TUKEY_TUNING = 4, 4.685
@@ -101,15 +101,20 @@ def _round_any(loss, y, g, q, x, dark, inverse, work, o):
 @_plain
 def _iterate(loss, tuning, scale, frozen, floor, y, g, q, r_inverse, x, settings, rounds, work, o):
     """Run rounds of one loss from x; return the scale and whether they settled."""
-    for _ in range(rounds):
-        dark = F(settings.dark * _albedo(r_inverse, x))
+    gate, cut = g, settings.dark
+    for k in range(_MORE * rounds):
+        if k == rounds:
+            # What is lit, or the scale, goes back and forth. With both held each round lowers the loss.
+            residuals(y, g, q, x, F(cut * _albedo(r_inverse, x)), work[0], work[1], work[4])
+            gate, cut, frozen = work[4], -1e30, True
+        dark = F(cut * _albedo(r_inverse, x))
         inverse = _ONE / F(tuning * scale)
         if loss == 3:
-            square = round_geman_mcclure(y, g, q, x, dark, inverse, o)
+            square = round_geman_mcclure(y, gate, q, x, dark, inverse, o)
         elif loss == 4:
-            square = round_tukey(y, g, q, x, dark, inverse, o)
+            square = round_tukey(y, gate, q, x, dark, inverse, o)
         else:
-            square = _round_any(loss, y, g, q, x, dark, inverse, work, o)
+            square = _round_any(loss, y, gate, q, x, dark, inverse, work, o)
         before0, before1, before2 = x[0], x[1], x[2]
         x[0], x[1], x[2] = 0.0, 0.0, 0.0
         if not _solve(o, x, x):

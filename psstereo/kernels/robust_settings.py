@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from psstereo.types import Array, BoolArray, FloatArray, IntArray
 
-__all__ = ["ADAPTIVE", "CONSISTENCY", "LOSSES", "MAD", "QUARTILE", "Kind", "RobustFit", "Settings"]
+__all__ = ["ADAPTIVE", "CONSISTENCY", "LOSSES", "MAD", "MORE", "QUARTILE", "Kind", "RobustFit", "Settings"]
 
 LOSSES: dict[str, float] = {
     "l1": 1.0,
@@ -25,6 +25,8 @@ MAD = 1.4826022185056018
 """Standard deviation over the median of the absolute value, of Gaussian noise [1]."""
 QUARTILE = 3.138344200661294
 """Standard deviation over the quartile of the absolute value, of Gaussian noise [1]."""
+MORE = 5
+"""Rounds at most, in multiples of the setting; after the first multiple the lit set and the scale are held [1]."""
 CONSISTENCY = (
     0.1255378914539751,
     0.8556923434719558,

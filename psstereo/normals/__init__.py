@@ -6,6 +6,7 @@ from psstereo.normals.default import DefaultSolver, default_solver
 from psstereo.normals.estimate import estimate_normals
 from psstereo.normals.gate import GATES, Gate, gate
 from psstereo.normals.least_squares import LeastSquares
+from psstereo.normals.robust import Robust
 from psstereo.normals.solver import NormalSolver, PixelNormals, Samples
 from psstereo.normals.verdict import OUTSIDE, Verdict
 
@@ -18,6 +19,7 @@ __all__ = [
     "LeastSquares",
     "NormalSolver",
     "PixelNormals",
+    "Robust",
     "Samples",
     "SolverOption",
     "Verdict",

@@ -5,6 +5,7 @@ from typing import Any
 
 from psstereo.lights import Rig
 from psstereo.normals.least_squares import LeastSquares
+from psstereo.normals.robust import Robust
 from psstereo.normals.solver import NormalSolver
 
 __all__ = ["DefaultSolver", "default_solver"]
@@ -46,6 +47,8 @@ def default_solver(rig: Rig) -> DefaultSolver:
     'least-squares'
     """
     count = len(rig)
-    return DefaultSolver(
-        solver=LeastSquares(), reason=f"No solver was named; least-squares serves {count} lights on a matte surface."
-    )
+    if count < Robust.pays_from:
+        few = f"No solver was named; with fewer than {Robust.pays_from} lights a robust fit outvotes good observations."
+        return DefaultSolver(solver=LeastSquares(), reason=few)
+    many = f"No solver was named; {count} lights are enough to leave highlights and shadows out."
+    return DefaultSolver(solver=Robust(), reason=many)

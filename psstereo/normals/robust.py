@@ -33,6 +33,12 @@ _NEIGHBOURS = 3
 _EQUALLY_NEAR = 1e-9
 """Cosines that differ by less are the same."""
 
+_DARK = 0.02
+"""Share of the albedo below which a prediction counts as shadow."""
+
+_NEVER = -1e30
+"""The same where no observation counts as shadow."""
+
 _LEAST_FOR_STEP = 6
 """Lit observations from which a robust step is taken; with fewer the outliers outvote the rest."""
 
@@ -72,7 +78,7 @@ class Robust(NormalSolver[RobustState]):
     Attributes
     ----------
     gate : Gate
-        Whether saturated observations are left out; shadows always are.
+        Whether saturated observations are left out, and those that the fit itself sees in shadow.
     loss : str
         ``"auto"``, or one of l1, huber, cauchy, geman-mcclure, tukey, welsch.
     scale : float or None
@@ -81,7 +87,7 @@ class Robust(NormalSolver[RobustState]):
     tuning : float or None
         Where the loss turns, in scales; the usual constant of the loss if absent [1].
     rounds : int
-        Rounds of each stage at most.
+        Rounds of each stage; where they do not settle, four times as many with the lit set and the scale held.
 
     References
     ----------
@@ -159,7 +165,7 @@ class Robust(NormalSolver[RobustState]):
             scale=float(self.scale or 0.0),
             low=0.15,
             high=0.9,
-            dark=0.02,
+            dark=_DARK if self.gate.shadow else _NEVER,
             floor=1e-3,
             structure=0.2,
             piled=0.5,

@@ -135,7 +135,7 @@ def test_the_record_says_what_was_done(run, folder, tmp_path):
         "strength_unit": "relative",
         "notes": [],
     }
-    assert record["normals"]["solver"] == "least-squares"
+    assert record["normals"]["solver"] == "robust"
     assert record["normals"]["gate"] == "auto"
     assert record["normals"]["albedo"] == "relative"
     assert record["normals"]["light_source"] == "light_directions.txt"
@@ -160,7 +160,7 @@ def test_the_record_says_what_was_done(run, folder, tmp_path):
         "shadow gate": True,
         "observation mask": False,
         "tiling": False,
-        "normals (least-squares)": True,
+        "normals (robust)": True,
         "depth (poisson)": True,
         "mesh": True,
     }
@@ -171,7 +171,7 @@ def test_the_record_says_what_was_done(run, folder, tmp_path):
 def test_a_person_is_told_what_was_used(run, folder, tmp_path):
     done = run("reconstruct", folder, "-o", tmp_path / "out")
     assert done.out == ""
-    for word in ("least-squares", "poisson", "saturation gate", "shadow gate", "expected error", "flag SHADOWED"):
+    for word in ("robust", "poisson", "saturation gate", "shadow gate", "expected error", "flag SHADOWED"):
         assert word in done.text
     assert f"The result is in {tmp_path / 'out'}." in done.err
 

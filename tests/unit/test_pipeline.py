@@ -64,19 +64,19 @@ def test_what_was_done_is_said():
         "shadow gate",
         "observation mask",
         "tiling",
-        "normals (least-squares)",
+        "normals (robust)",
         "depth (poisson)",
         "mesh",
     ]
     done = {name for name, step in steps.items() if step.done}
-    assert done == {"reading", "saturation gate", "shadow gate", "normals (least-squares)", "depth (poisson)", "mesh"}
-    for name in ("reading", "normals (least-squares)", "depth (poisson)", "mesh"):
+    assert done == {"reading", "saturation gate", "shadow gate", "normals (robust)", "depth (poisson)", "mesh"}
+    for name in ("reading", "normals (robust)", "depth (poisson)", "mesh"):
         assert steps[name].seconds > 0
     for name in set(steps) - done:
         assert steps[name].seconds == 0
     assert all(step.reason.endswith(".") for step in steps.values())
     assert "12 images" in steps["reading"].reason
-    assert f"{capture.mask.sum()} pixels under 12 lights" in steps["normals (least-squares)"].reason
+    assert f"{capture.mask.sum()} pixels under 12 lights" in steps["normals (robust)"].reason
     assert "0.98 of full scale" in steps["saturation gate"].reason
     assert f"{capture.mask.sum()} vertices" in steps["mesh"].reason
 

