@@ -1,7 +1,7 @@
 """From a capture to everything: normals, albedo, depth, mesh — and a word on each step that was done or left out."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,6 +10,8 @@ from psstereo.depth import Integrator, Poisson, triangulate
 from psstereo.errors import UnsupportedError
 from psstereo.near import NearOptions, solve_near, wants_near
 from psstereo.normals import Gate, NormalSolver, default_solver, estimate_normals
+from psstereo.normals.light_choice import LightChoice, choose_lights
+from psstereo.normals.strength_choice import StrengthChoice, choose_strengths
 from psstereo.results import DepthResult, NormalsResult, Outcome, Step
 from psstereo.surface_mesh import SurfaceMesh
 from psstereo.types import BoolArray, Map, Progress, no_progress
@@ -30,6 +32,10 @@ class Options:
         Which observations are left out, instead of what the solver has for its gate.
     integrator : Integrator or None
         Method for the depth; None leaves depth and mesh out.
+    lights : LightChoice
+        Whose directions of the lights are taken: those given, refined ones, or those that the images tell.
+    strengths : StrengthChoice
+        Whose strengths of the lights are taken.
     gray, clip, valid_range, observation_mask, verdicts, max_memory, workers
         As in :func:`psstereo.normals.estimate_normals`.
     """
@@ -37,6 +43,8 @@ class Options:
     solver: NormalSolver[Any] | None = None
     gate: Gate | None = None
     integrator: Integrator | None = field(default_factory=Poisson)
+    lights: LightChoice = field(default_factory=LightChoice)
+    strengths: StrengthChoice = StrengthChoice.GIVEN
     gray: str | Sequence[float] = "mean"
     clip: float | None = None
     valid_range: tuple[float, float] | None = None
@@ -98,11 +106,26 @@ def reconstruct(
     Raises
     ------
     PsstereoError
-        If the capture cannot be used; see :func:`psstereo.normals.estimate_normals`.
+        If the capture cannot be used; see :func:`psstereo.normals.estimate_normals`, and for unknown strengths
+        :func:`psstereo.normals.strength_choice.choose_strengths`.
     """
     chosen = options or Options()
+    lights = choose_lights(
+        capture, chosen.lights, gray=chosen.gray, valid_range=chosen.valid_range, over=over, progress=progress
+    )
+    capture = lights.capture
     if chosen.solver is None and wants_near(capture):
         return _reconstruct_near(capture, chosen, over, progress)
+    strengths = choose_strengths(
+        capture,
+        chosen.strengths,
+        gray=chosen.gray,
+        valid_range=chosen.valid_range,
+        observation_mask=chosen.observation_mask,
+        over=over,
+        progress=progress,
+    )
+    capture = strengths.capture
     solver, why = _solver(capture, chosen)
     normals = estimate_normals(
         capture,
@@ -117,7 +140,12 @@ def reconstruct(
         over=over,
         progress=progress,
     )
-    steps = [*_preparation(capture), *_solving(capture, solver, why, normals)]
+    normals = replace(
+        normals,
+        facts={**normals.facts, **lights.facts, **strengths.facts},
+        outcome=normals.outcome if strengths.settled and lights.settled else Outcome.NOT_CONVERGED,
+    )
+    steps = [*_preparation(capture, normals), *lights.steps, strengths.step, *_solving(capture, solver, why, normals)]
     if chosen.integrator is None:
         steps.append(Step(name="depth and mesh", done=False, reason="Only normals were asked for."))
         return Reconstruction(normals=normals, depth=None, mesh=None, steps=tuple(steps))
@@ -159,7 +187,7 @@ def _reconstruct_near(capture: Capture, options: Options, over: Map, progress: P
     facts, seconds = found.normals.facts, found.normals.seconds
     lamps = f"{facts['pixels']} pixels under {facts['lights']} lamps, {facts['rounds']} rounds of normals and depth."
     steps = [
-        *_preparation(capture),
+        *_preparation(capture, found.normals),
         Step(name="reading", done=True, reason=f"{len(capture.stack)} images.", seconds=seconds["read"]),
         Step(name="shadow gate", done=True, reason="Lamps behind the surface were left out."),
         Step(name="normals (near-lamps)", done=True, reason=lamps, seconds=seconds["solve"]),
@@ -179,6 +207,7 @@ def _refuse_for_near(options: Options) -> None:
         "a mask of observations": options.observation_mask is not None,
         "a verdict on each observation": options.verdicts,
         "a gate that leaves shadows in": options.gate is not None and not options.gate.shadow,
+        f"{options.strengths.value} strengths": options.strengths is not StrengthChoice.GIVEN,
     }
     asked = [name for name, wanted in unknown.items() if wanted]
     if asked:
@@ -189,11 +218,21 @@ def _refuse_for_near(options: Options) -> None:
         )
 
 
-def _preparation(capture: Capture) -> list[Step]:
+_MANY_BELOW = 0.02
+"""Share of observations below the dark level from which the dark image is in doubt."""
+
+
+def _preparation(capture: Capture, normals: NormalsResult) -> list[Step]:
     """Say what had to be undone to make pixel values proportional to light."""
     linear, dark = capture.response.is_linear, capture.dark is not None
     curve = "The images are linear." if linear else f"The camera's {capture.response.name} curve was removed."
     level = "A dark image was subtracted." if dark else "There is no dark image."
+    below, most = normals.facts.get("below_dark"), normals.facts.get("below_dark_most")
+    if below is not None and most is not None and max(below, most[1]) > _MANY_BELOW:
+        level += (
+            f" It is brighter than the photographs in {below:.1%} of the observations, most in {most[0]}"
+            f" ({most[1]:.1%}): was it taken with the same exposure, and without the lights?"
+        )
     return [
         Step(name="linearisation", done=not linear, reason=curve),
         Step(name="dark level", done=dark, reason=level),
@@ -235,4 +274,15 @@ def _solving(capture: Capture, solver: NormalSolver[Any], why: str, normals: Nor
             reason=" ".join(filter(None, (f"{facts['pixels']} pixels under {facts['lights']} lights.", why))),
             seconds=normals.seconds["solve"],
         ),
+        *_ambient(facts),
     ]
+
+
+def _ambient(facts: Mapping[str, Any]) -> list[Step]:
+    """Say how much ambient light was found, if the solver looks for it."""
+    shares = facts.get("ambient_share")
+    if shares is None:
+        return []
+    low, middle, high = (f"{share:.1%}" for share in shares)
+    reason = f"It is {middle} of what a surface shows that faces a light, in the median pixel ({low} to {high})."
+    return [Step(name="ambient light", done=True, reason=reason)]

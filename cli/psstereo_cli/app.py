@@ -12,6 +12,7 @@ from psstereo_cli.commands.bench import bench
 from psstereo_cli.commands.demo import demo
 from psstereo_cli.commands.evaluate import evaluate
 from psstereo_cli.commands.info import info
+from psstereo_cli.commands.match import match
 from psstereo_cli.commands.reconstruct import reconstruct
 from psstereo_cli.commands.solvers import solvers
 from psstereo_cli.commands.synth import synth
@@ -33,6 +34,7 @@ app.command()(reconstruct)
 app.command()(evaluate)
 app.command()(info)
 app.command()(solvers)
+app.command()(match)
 app.command()(synth)
 app.command()(demo)
 app.command()(bench)

@@ -13,8 +13,10 @@ def load_capture(
     *,
     layout: str | None,
     lights: Path | None,
+    unknown_lights: bool = False,
     lights_layout: str | None,
     mask: str | None,
+    ambient: Path | None = None,
     truth: bool,
     over: Map = map,
     progress: Progress,
@@ -27,6 +29,10 @@ def load_capture(
         The capture.
     layout, lights, lights_layout, mask
         As on the command line.
+    unknown_lights : bool
+        Whether the lights are to be found from the images, so that the folder may be without any.
+    ambient : Path, optional
+        Frame without any of the lights, to subtract.
     truth : bool
         Whether to read the truth too.
     over : map-like
@@ -46,11 +52,16 @@ def load_capture(
     choices = Choices(
         lights=lights,
         lights_layout=lights_layout,
+        unknown_lights=unknown_lights,
         mask=Path(mask) if mask not in (None, "none", "auto") else None,
         ignore_mask=mask in ("none", "auto"),
         truth=truth,
     )
     capture, found_truth = read_capture(folder, layout=layout, choices=choices)
+    if ambient is not None:
+        from psstereo.io.ambient_frame import with_ambient
+
+        capture = with_ambient(capture, ambient)
     if mask == "auto":
         from psstereo.masking import mask_from_brightness
 

@@ -12,10 +12,16 @@ Both are exact on planes and spheres of any slant, and second-order accurate els
 Slant. A slope t = tan θ grows like 1 / cos θ, and an angular error δ of the normal moves it by δ / cos θ across and
 δ / cos² θ along the slope, so that near the silhouette a few pixels would outvote all others. Clipping the slope would
 bend the surface; instead an edge weighs ``cos² θ``, with θ the slant of the mid normal against the ray. Its energy,
-weight · t², then stays below 1 however steep the edge, and its pull, weight · t, fades to nothing. Measured
-against equal weights (or a fade only beyond 84 degrees, which comes to the same): a quarter less error from noisy
-normals, and 30 to 40 % less on cat and cow of DiLiGenT, whose silhouettes border on depth jumps; pot1 and goblet gain
-4 and 8 %. cos⁴ is better still at jumps, but twice as bad under noise.
+weight · t², then stays below 1 however steep the edge, and its pull, weight · t, fades to nothing. Against equal
+weights that halves the error on a sphere with noise of 5 degrees (0.44 to 0.21 px) and changes nothing at 1 degree;
+cos⁴ does worse than equal weights there, since noise alone decides which edges look steep.
+
+Turn. The chord rule holds where the surface is an arc between the two pixels. Where the normal turns by a large angle
+from one pixel to the next it is no arc: a crease, or a jump of the depth from one surface to another. An edge is
+therefore divided by ``(1 + |n_b − n_a|² / turn²)²``, a quarter for a turn by `turn`. Planes and spheres stay exact,
+since no step changes. With 8 degrees, chosen on made surfaces: no change on smooth ones with noise of 1 degree, 9 %
+more error with 5 degrees; a cliff 7.0 to 4.6 px, a flap's median 20 to 4 px. It is only a start: a jump between equal
+normals leaves no trace in them, and noise hides small turns.
 
 Weights of pixels are inverse variances by meaning. The step takes half of each normal, so its variance is the mean
 of both variances but for a common factor, and its weight the harmonic mean ``2 w_a w_b / (w_a + w_b)``: equal
@@ -26,16 +32,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from psstereo.depth.domain import Domain
+from psstereo.depth.domain import COMPILED, Domain
+from psstereo.depth.rows import Rows
+from psstereo.kernels.dispatch import kernel
 from psstereo.results import DepthKind
 from psstereo.types import BoolArray, FloatArray, IntArray
 
 __all__ = ["EdgeSteps", "components_of", "edge_steps"]
-
-_SMALLEST_COSINE = 1e-8
-"""A slope of 10⁸ pixels a pixel is no information; its square is where double precision ends."""
-_SMALLEST_WEIGHT = 1e-30
-"""Relative weight below which an edge counts as absent."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +78,9 @@ class EdgeSteps:
         return one > 0 and all(bool(np.all(part == one)) for part in weights)
 
 
-def edge_steps(domain: Domain, *, slant_exponent: float = 2.0) -> EdgeSteps:
+def edge_steps(
+    domain: Domain, *, slant_exponent: float = 2.0, turn: float | None = None, threads: int = 1
+) -> EdgeSteps:
     """Return the steps between all neighbouring pixels of a domain.
 
     Parameters
@@ -84,6 +89,11 @@ def edge_steps(domain: Domain, *, slant_exponent: float = 2.0) -> EdgeSteps:
         Normals, rays and weights.
     slant_exponent : float
         An edge weighs the cosine of its slant to this power; 0 for equal weights [1].
+    turn : float, optional
+        Angle between the normals at its ends at which an edge loses three quarters of its weight; no matter if left
+        out [rad].
+    threads : int
+        Threads at most.
 
     Returns
     -------
@@ -95,60 +105,26 @@ def edge_steps(domain: Domain, *, slant_exponent: float = 2.0) -> EdgeSteps:
     A discontinuity of the depth leaves no trace in the normals at its two sides: the step across it is then wrong, and
     only a method that weighs edges by what it has found (bilateral integration) can discount it.
     """
-    first, last = slice(None, -1), slice(1, None)
-    everything = slice(None)
-    right, right_weight, right_lost = _along(domain, (everything, first), (everything, last), slant_exponent)
-    down, down_weight, down_lost = _along(domain, (first, everything), (last, everything), slant_exponent)
-    return EdgeSteps(
-        right=right, down=down, right_weight=right_weight, down_weight=down_weight, left_out=right_lost + down_lost
+    height, width = domain.inside.shape
+    right, right_weight = np.zeros((height, width - 1)), np.zeros((height, width - 1))
+    down, down_weight = np.zeros((height - 1, width)), np.zeros((height - 1, width))
+    lost = np.zeros(height, np.int64)
+    corner = (domain.window[0].start, domain.window[1].start)
+    weights = np.zeros((0, 0)) if domain.weights is None else domain.weights
+    look = (
+        domain.matrix,
+        domain.array,
+        domain.kind is DepthKind.DISTANCE,
+        float(slant_exponent),
+        0.0 if turn is None else 1.0 / turn**2,
     )
-
-
-def _along(
-    domain: Domain, a: tuple[slice, slice], b: tuple[slice, slice], exponent: float
-) -> tuple[FloatArray, FloatArray, int]:
-    """Return steps, weights and the number of unusable pairs of the edges from the pixels `a` to the pixels `b`."""
-    pairs = domain.inside[a] & domain.inside[b]
-    step, cosine = _chord(domain, a, b)
-    usable = pairs & (cosine > _SMALLEST_COSINE)
-    weight = np.where(usable, cosine, 0.0) ** exponent
-    if domain.weights is not None:
-        weight = weight * _harmonic_mean(domain.weights[a], domain.weights[b])
-    usable &= weight > _SMALLEST_WEIGHT
-    left_out = int(np.count_nonzero(pairs & ~usable))
-    return np.where(usable, step, 0.0), np.where(usable, weight, 0.0), left_out
-
-
-def _chord(domain: Domain, a: tuple[slice, slice], b: tuple[slice, slice]) -> tuple[FloatArray, FloatArray]:
-    """Return the steps and the cosine between the mid normal and the direction to the camera (smaller of both ends).
-
-    A cosine of 0 or less means that the chord never meets the other ray in front of the camera; the step is then 0.
-    """
-    middle = domain.normals[a] + domain.normals[b]
-    length = np.sqrt(_dot(middle, middle))
-    # Outside the domain normals are zero: any positive length keeps the division quiet, the result is not used.
-    length = np.where(length > 0, length, 1.0)
-    if domain.kind is DepthKind.HEIGHT:
-        facing = middle[..., 2]
-        across = domain.places[b] - domain.places[a]
-        usable = facing > _SMALLEST_COSINE * length
-        rise = -(middle[..., 0] * across[..., 0] + middle[..., 1] * across[..., 1])
-        return np.where(usable, rise / np.where(usable, facing, 1.0), 0.0), facing / length
-    ray_a, ray_b = domain.places[a], domain.places[b]
-    at_a, at_b = -_dot(middle, ray_a), -_dot(middle, ray_b)
-    cosine = np.minimum(at_a / np.sqrt(_dot(ray_a, ray_a)), at_b / np.sqrt(_dot(ray_b, ray_b))) / length
-    usable = cosine > _SMALLEST_COSINE
-    step = np.log(np.where(usable, at_a, 1.0)) - np.log(np.where(usable, at_b, 1.0))
-    return step, cosine
-
-
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2])
-
-
-def _harmonic_mean(a: FloatArray, b: FloatArray) -> FloatArray:
-    total = a + b
-    return np.asarray(2.0 * a * (b / np.where(total > 0, total, 1.0)))
+    edges = (right, down, right_weight, down_weight, lost)
+    with Rows(threads) as rows:
+        part = (domain.given, *corner, domain.inside, weights, *look, *edges)
+        rows(kernel("poisson_steps", "steps", domain.inside.size, COMPILED), part, 0, height, width)
+    return EdgeSteps(
+        right=right, down=down, right_weight=right_weight, down_weight=down_weight, left_out=int(lost.sum())
+    )
 
 
 def components_of(steps: EdgeSteps, inside: BoolArray) -> IntArray:
@@ -166,19 +142,8 @@ def components_of(steps: EdgeSteps, inside: BoolArray) -> IntArray:
     int32 array (h, w)
         1, 2, … in the order of each component's first pixel; 0 outside.
     """
-    from scipy.ndimage import label
-
-    if steps.left_out == 0:
-        return np.asarray(label(inside)[0], np.int32)
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    index = np.cumsum(inside).reshape(inside.shape) - 1
-    right, down = steps.right_weight > 0, steps.down_weight > 0
-    start = np.concatenate([index[:, :-1][right], index[:-1][down]])
-    stop = np.concatenate([index[:, 1:][right], index[1:][down]])
-    count = int(np.count_nonzero(inside))
-    graph = coo_array((np.ones(start.size, np.int8), (start, stop)), shape=(count, count))
     components = np.zeros(inside.shape, np.int32)
-    components[inside] = connected_components(graph, directed=False)[1] + 1
+    kernel("poisson_steps", "components", inside.size, COMPILED)(
+        inside, steps.right_weight, steps.down_weight, components
+    )
     return components

@@ -1,13 +1,13 @@
 """Conjugate gradients for weighted graph Laplacians on a pixel grid, preconditioned by smoothed aggregation.
 
-Why not a fast Poisson solver as preconditioner? On a disc it needs as many iterations (14 against 17), but on masks
-with holes, islands or thin spirals it needs hundreds; aggregation sees the graph and takes 10 to 40, or 100 in mazes.
+The grid's own multigrid (:mod:`psstereo.depth.grid`) is ten times as fast where it works; this one sees the graph, not
+the grid, and takes over in mazes and where weights jump over decades from pixel to pixel: 10 to 40 iterations, or 100.
 
 The hierarchy. Pixels in the same 3 × 3 block that strong edges hold together form one aggregate; a pixel without a
 strong edge in its block joins its strongest neighbour. Aggregates never cross a component or a gap of the mask.
 The prolongation is the aggregates' indicator, smoothed by one Jacobi step; coarse matrices are Galerkin products. A
 component that has shrunk to one node is dropped from the coarser levels: nothing is left to solve there, since its
-residuals sum to zero. So no direct solver, no pinned pixel and no BLAS is needed.
+residuals sum to zero (with a prior, one iteration more). So no direct solver, no pinned pixel and no BLAS is needed.
 
 Every coefficient is local (the Jacobi steps are scaled by the sum of magnitudes of a row, which bounds the spectrum by
 1), and conjugate gradients runs with one pair of scalars for each component. Thus components are solved independently
@@ -81,7 +81,7 @@ def make_hierarchy(matrix: Any, places: IntArray, components: IntArray) -> list[
     Parameters
     ----------
     matrix : sparse array (p, p)
-        Weighted graph Laplacian: symmetric, rows sum to zero, non-positive off the diagonal.
+        Weighted graph Laplacian: symmetric, non-positive off the diagonal; rows sum to zero, or to a prior's weight.
     places : int array (p, 2)
         Row and column of each node [px].
     components : int array (p,)
@@ -100,7 +100,7 @@ def make_hierarchy(matrix: Any, places: IntArray, components: IntArray) -> list[
         scale = np.where(magnitudes > 0, 1.0 / np.where(magnitudes > 0, magnitudes, 1.0), 0.0)
         aggregate, places, node_components = _aggregate(matrix, places, components)
         alive = np.bincount(node_components)[node_components] > 1
-        if not alive.any():
+        if not alive.any() or aggregate.size == node_components.size:
             levels.append(Level(matrix=matrix, scale=scale))
             return levels
         kept = alive[aggregate]
@@ -193,6 +193,7 @@ def conjugate_gradients(
     precondition: Callable[[FloatArray], FloatArray],
     components: IntArray,
     *,
+    start: FloatArray | None = None,
     tolerance: float,
     max_iterations: int,
     report: Callable[[float], None],
@@ -202,13 +203,15 @@ def conjugate_gradients(
     Parameters
     ----------
     matrix : sparse array (p, p)
-        Symmetric positive semi-definite; its null space is the constants of each component.
+        Symmetric positive semi-definite; its null space is at most the constants of each component.
     right_side : float64 array (p,)
         Sums to zero over each component.
     precondition : callable
         Symmetric approximate inverse that keeps components apart.
     components : int array (p,)
         Connected component of each node, from 0.
+    start : float64 array (p,), optional
+        First guess; zero without one.
     tolerance : float
         Relative residual wanted, in the norm of the preconditioner, for every component [1].
     max_iterations : int
@@ -228,15 +231,17 @@ def conjugate_gradients(
     def dot(a: FloatArray, b: FloatArray) -> FloatArray:
         return np.bincount(components, weights=a * b, minlength=size).astype(np.float64, copy=False)
 
-    solution = np.zeros_like(right_side)
-    start = np.maximum(dot(right_side, precondition(right_side)), 0.0)
-    done, reached, before = 0, _worst(start, start), np.inf
+    solution = np.zeros_like(right_side) if start is None else start.copy()
+    scale = np.maximum(dot(right_side, precondition(right_side)), 0.0)
+    residual = right_side - matrix @ solution
+    done, before = 0, np.inf
+    reached = _worst(dot(residual, precondition(residual)), scale)
     # The recurrence's residual drifts from the true one by rounding: restart from the true one until it agrees.
     while reached > tolerance and done < max_iterations and reached < 0.5 * before:
         residual = right_side - matrix @ solution
         value = precondition(residual)
         energy, direction = dot(residual, value), value
-        while done < max_iterations and (active := energy > tolerance**2 * start).any():
+        while done < max_iterations and (active := energy > tolerance**2 * scale).any():
             image = matrix @ direction
             curvature = dot(direction, image)
             active &= curvature > 0
@@ -248,9 +253,9 @@ def conjugate_gradients(
             direction = value + np.where(active, following / np.where(active, energy, 1.0), 0.0)[components] * direction
             energy = np.where(active, following, 0.0)
             done += 1
-            report(_worst(energy, start))
+            report(_worst(energy, scale))
         residual = right_side - matrix @ solution
-        before, reached = reached, _worst(dot(residual, precondition(residual)), start)
+        before, reached = reached, _worst(dot(residual, precondition(residual)), scale)
     return solution, Convergence(iterations=done, residual=reached)
 
 

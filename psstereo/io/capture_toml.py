@@ -8,6 +8,7 @@ from typing import ClassVar
 from psstereo.camera import Camera, Orthographic, Pinhole
 from psstereo.capture import Capture, Truth
 from psstereo.errors import InputError, MissingFileError, OptionError, UnreadableFileError
+from psstereo.io.ambient_frame import checked_dark
 from psstereo.io.conventions import CONVENTIONS
 from psstereo.io.image_names import match_files
 from psstereo.io.parts import (
@@ -23,8 +24,9 @@ from psstereo.io.parts import (
 from psstereo.io.reader import Choices, Reader
 from psstereo.io.toml_lights import read_lights
 from psstereo.io.toml_section import Section
-from psstereo.stack import LINEAR, FileStack, Response
+from psstereo.stack import LINEAR, FileStack, ImageStack, Response
 from psstereo.stack.decode import IMAGE_SUFFIXES, read_bytes
+from psstereo.stack.unmixed import Mixing, UnmixedStack
 from psstereo.types import FloatArray
 
 __all__ = ["TEMPLATE", "CaptureToml"]
@@ -40,6 +42,8 @@ pattern = "img_*.png"               # in natural order: img_2 before img_10
 # white_level = 4095                # value of full scale, if it is not that of the file's type
 # dark = "dark.png"                 # image without any of the lights; it is subtracted
 # dark_linear = "dark.npy"          # or the same as floats with the response already undone
+# mixing = [[0.8, 0.1, 0.0], [0.1, 0.7, 0.1], [0.0, 0.1, 0.9]]   # one photograph under three coloured lights at once:
+#                                   # column j is R, G, B of a white surface under light j alone (or a file)
 # radiance_at_white = 12.5          # radiance of a pixel at full scale [W m-2 sr-1], for absolute albedo
 
 [lights]
@@ -83,7 +87,7 @@ directions = [
 
 _KEYS = {
     "": ("name", "images", "lights", "mask", "camera", "truth"),
-    "images": ("files", "pattern", "white_level", "response", "dark", "dark_linear", "radiance_at_white"),
+    "images": ("files", "pattern", "white_level", "response", "dark", "dark_linear", "mixing", "radiance_at_white"),
     "lights": ("directions", "angles", "positions", "axes", "mu", "flux", "layout", "frame", "strengths", "unit"),
     "mask": ("file",),
     "camera": ("type", "K", "pixel_size", "unit", "position"),
@@ -107,9 +111,13 @@ class CaptureToml(Reader):
         """See :meth:`Reader.read`."""
         file = path / "capture.toml" if path.is_dir() else path
         top = _parse(file)
-        stack, response, image_notes = _images(top)
-        shape = (stack.shape[1], stack.shape[2])
+        files, response, image_notes = _images(top)
         images, camera = top.section("images"), top.section("camera")
+        dark = _dark(images, files, response)
+        stack, mixing_notes = _unmixed(images, files, response, dark)
+        if isinstance(stack, UnmixedStack):
+            response, dark = LINEAR, None  # it has undone them
+        shape = (stack.shape[1], stack.shape[2])
         rig, light_notes = read_lights(top.section("lights"), camera, stack, choices)
         capture = Capture(
             stack=stack,
@@ -117,10 +125,10 @@ class CaptureToml(Reader):
             camera=_camera(camera),
             mask=find_mask(file.parent, shape, _with_mask(choices, top.section("mask").path("file")), ""),
             response=response,
-            dark=_dark(images, stack, response),
+            dark=dark,
             radiance_at_white=images.number("radiance_at_white"),
             name=top.text("name") or file.resolve().parent.name,
-            notes=(*image_notes, *light_notes),
+            notes=(*image_notes, *mixing_notes, *light_notes),
         )
         section = top.section("truth")
         return capture, _truth(section, len(stack), shape) if choices.truth else None
@@ -231,8 +239,26 @@ def _dark(section: Section, stack: FileStack, response: Response) -> FloatArray 
             remedy="Keep one of them.",
         )
     if linear is not None:
-        return read_linear_dark(linear, stack)
+        return checked_dark(read_linear_dark(linear, stack), linear)
     return None if image is None else read_dark(image, stack, response)
+
+
+def _unmixed(
+    section: Section, files: FileStack, response: Response, dark: FloatArray | None
+) -> tuple[ImageStack, tuple[str, ...]]:
+    """Return one image a light where several lights shine at once, and what that assumes."""
+    matrix = section.matrix("mixing")
+    if matrix is None:
+        return files, ()
+    mixing = Mixing(matrix)
+    notes: tuple[str, ...] = (
+        f"{len(matrix)} coloured lights shine at once. The surface is taken to have one colour, that of the surface on "
+        "which the mixing was measured; a change of colour would be taken for shape.",
+        f"Telling the lights apart makes the noise {float(mixing.noise_gain.max()):.2g} times as large.",
+    )
+    if dark is not None:
+        notes = (*notes, "The dark image was subtracted before the lights were told apart.")
+    return UnmixedStack(files, mixing, response=response, dark=dark), notes
 
 
 def _truth(section: Section, count: int, shape: tuple[int, int]) -> Truth | None:

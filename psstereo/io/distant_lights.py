@@ -58,6 +58,10 @@ def distant_rig(
     RigError
         If a light is zero or not finite; the message names the file and the light.
     """
+    if choices.unknown_lights:
+        towards = np.tile([0.0, 0.0, 1.0], (len(stack), 1))
+        rig = Rig.distant(towards, strengths, strength_unit=strength_unit, source="unknown")
+        return rig, ("The lights are taken for unknown: directions were not read.",)
     found = chosen_directions(choices, stack.names)
     where = source if choices.lights is None else choices.lights.name
     found = own() if found is None else found

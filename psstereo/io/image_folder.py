@@ -34,13 +34,13 @@ class ImageFolder(Reader):
     def read(self, path: Path, choices: Choices) -> tuple[Capture, Truth | None]:
         """See :meth:`Reader.read`."""
         files, lights = _images(path), _lights(path)
-        if not files or not (lights or choices.lights):
+        if not files or not (lights or choices.lights or choices.unknown_lights):
             raise MissingFileError(
                 given=f"{path} holds {len(files)} images and {'a' if lights else 'no'} file of light directions.",
                 needed=f"Both; the file is one of {', '.join(_LIGHTS)}.",
                 remedy="Add it, or name it with --lights.",
             )
-        if len(lights) > 1 and choices.lights is None:
+        if len(lights) > 1 and choices.lights is None and not choices.unknown_lights:
             raise InputError(
                 given=f"{path} has several files of light directions: {', '.join(p.name for p in lights)}.",
                 needed="One of them belongs to the images.",

@@ -45,7 +45,7 @@ class Psm(Reader):
         files, mask, notes = _from_folder(path) if path.is_dir() else _from_list(path)
         stack = FileStack(files)
         lights = _lights(folder)
-        if lights is None and choices.lights is None:
+        if lights is None and choices.lights is None and not choices.unknown_lights:
             raise MissingFileError(
                 given=f"There is no lights.txt in {folder} or one folder up.",
                 needed="It says where the lights were: their number, then x y z a line.",

@@ -88,11 +88,16 @@ def read_capture(
         first = next(_recognitions(source), None)
         if first is not None:
             name = first.format
-        elif source.is_dir() and choices is not None and choices.lights is not None and images_in(source):
+        elif source.is_dir() and _lights_elsewhere(choices) and images_in(source):
             name = ImageFolder.name  # nothing but the lights was missing
         else:
             raise _unknown(source)
     return READERS[name].read(source, choices or Choices())
+
+
+def _lights_elsewhere(choices: Choices | None) -> bool:
+    """Return whether a folder may be without lights."""
+    return choices is not None and (choices.lights is not None or choices.unknown_lights)
 
 
 def _unknown(path: Path) -> InputError:

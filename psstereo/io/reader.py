@@ -21,6 +21,8 @@ class Choices:
         (Meshroom's .json) or one of the folder holds them.
     lights_layout : {"rows", "columns"} or None
         One light a row or a column, where the numbers cannot tell.
+    unknown_lights : bool
+        Whether the capture's own lights are of no interest, so that they may be missing: all then come from the camera.
     mask : Path or None
         Mask to take instead of the folder's own.
     ignore_mask : bool
@@ -31,6 +33,7 @@ class Choices:
 
     lights: Path | None = None
     lights_layout: str | None = None
+    unknown_lights: bool = False
     mask: Path | None = None
     ignore_mask: bool = False
     truth: bool = True

@@ -11,7 +11,7 @@ from psstereo.io.parts import channel_values
 from psstereo.io.reader import Choices
 from psstereo.io.toml_section import Section
 from psstereo.lights import Rig, StrengthUnit
-from psstereo.stack import FileStack
+from psstereo.stack import ImageStack
 from psstereo.types import FloatArray
 
 __all__ = ["read_lights"]
@@ -19,14 +19,14 @@ __all__ = ["read_lights"]
 _UNITS = {"relative": StrengthUnit.RELATIVE, "W/m2": StrengthUnit.IRRADIANCE}
 
 
-def read_lights(lights: Section, camera: Section, stack: FileStack, choices: Choices) -> tuple[Rig, tuple[str, ...]]:
+def read_lights(lights: Section, camera: Section, stack: ImageStack, choices: Choices) -> tuple[Rig, tuple[str, ...]]:
     """Build the rig of the section [lights], or of the file that was chosen instead.
 
     Parameters
     ----------
     lights, camera : Section
         The sections [lights] and [camera], with known keys only.
-    stack : FileStack
+    stack : ImageStack
         The images.
     choices : Choices
         Whether other lights are to be taken.
@@ -60,7 +60,7 @@ def read_lights(lights: Section, camera: Section, stack: FileStack, choices: Cho
     return rig, (*found, *notes)
 
 
-def _directions(lights: Section, stack: FileStack, choices: Choices) -> Directions:
+def _directions(lights: Section, stack: ImageStack, choices: Choices) -> Directions:
     given = [key for key in ("directions", "angles", "positions") if key in lights.values]
     if len(given) != 1 or ("frame" in lights.values and given == ["angles"]):
         raise OptionError(
@@ -85,7 +85,7 @@ def _directions(lights: Section, stack: FileStack, choices: Choices) -> Directio
     return Directions(to_canonical(found.vectors, _frame(lights)), found.notes, strengths)
 
 
-def _vectors(lights: Section, key: str, stack: FileStack, choices: Choices) -> Directions:
+def _vectors(lights: Section, key: str, stack: ImageStack, choices: Choices) -> Directions:
     """Return (m, 3) vectors in the file's own frame."""
     layout = choices.lights_layout or lights.choice("layout", ("rows", "columns"))
     path = lights.values[key]
@@ -110,7 +110,7 @@ def _from_angles(angles: FloatArray) -> FloatArray:
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=1)
 
 
-def _near_rig(lights: Section, camera: Section, stack: FileStack, unit: StrengthUnit) -> tuple[Rig, tuple[str, ...]]:
+def _near_rig(lights: Section, camera: Section, stack: ImageStack, unit: StrengthUnit) -> tuple[Rig, tuple[str, ...]]:
     if {"directions", "angles", "strengths"} & set(lights.values):
         raise OptionError(
             given=f"[lights] in {lights.file.name} has positions together with directions, angles or strengths.",

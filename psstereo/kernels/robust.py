@@ -10,17 +10,19 @@ orthonormal factor of the light matrix. The steps are these.
    deviation of Gaussian residuals. Under a redescending loss it shrinks to the floor where most residuals pile up at
    zero, and stays where they do not. Where this goes back and forth, what is lit and the scale are held in the end.
 3. **What is left over**, when the loss is to be chosen (`ADAPTIVE`). Three things are told apart by the residuals of a
-   Geman–McClure fit, pixel by pixel:
+   Geman–McClure fit and, where they are not small, of a fit with Tukey's loss from there, pixel by pixel:
 
    * white: neighbouring lights have unrelated residuals. They are noise, so Tukey's loss takes over with the scale
      frozen; it uses nearly all that the data hold.
-   * structured, but piled up at zero: a matte surface with highlights or cast shadows. The fit stands.
+   * structured, but piled up at zero: a matte surface with highlights or cast shadows. The first fit stands.
    * structured and spread out: the surface is not matte. The fit is repeated over the middle ranks of brightness
      (`middle` ± half of `width`), where reflectance is closest to Lambert's law, and highlights and shadows are not.
 
    Structure is Moran's statistic [1]_ of the residuals within four scales, between each light and its nearest
    neighbours on the dome: about 0 for noise, toward 1 for a smooth error of the model.
 4. **Polish.** One weighted solution with the final weights in double precision.
+5. **Error.** The variance comes from the influence of the residuals [2]_. Where few observations agree no better than
+   the luckiest choice among noise would (an a-contrario test [3]_), it is that of least squares and a little more.
 
 Quantiles are found by bisection, which compares whole rows at a time; twelve steps are 1/4096 of the range.
 
@@ -28,17 +30,31 @@ References
 ----------
 .. [1] P. A. P. Moran, "Notes on continuous stochastic phenomena", Biometrika 37, 17-23, 1950. doi:10.2307/2332142
 .. [2] P. J. Huber, E. M. Ronchetti, "Robust Statistics", 2nd ed., Wiley, 2009. doi:10.1002/9780470434697
+.. [3] L. Moisan, B. Stival, "A probabilistic criterion to detect rigid point matches between two images and estimate
+   the fundamental matrix", Int. J. Comput. Vis. 57, 201-218, 2004. doi:10.1023/B:VISI.0000013094.38752.54
 """
-
-from typing import Any
 
 import numpy as np
 
-from psstereo.kernels.robust_settings import ADAPTIVE, CONSISTENCY, LOSSES, MAD, MORE, QUARTILE, Kind, RobustFit, Settings
+from psstereo.kernels.robust_losses import weight, weight_slope
+from psstereo.kernels.robust_settings import (
+    ADAPTIVE,
+    CONSISTENCY,
+    FEW,
+    LOG_CHANCE,
+    LOSS_OF_FEW,
+    LOSSES,
+    MAD,
+    MORE,
+    QUARTILE,
+    Kind,
+    RobustFit,
+    Settings,
+)
 from psstereo.types import Array, BoolArray, FloatArray, IntArray
 from psstereo.verdict import Verdict
 
-__all__ = ["robust_fit", "weight", "weight_slope"]
+__all__ = ["robust_fit"]
 
 _GEMAN_MCCLURE, _TUKEY = 3, 4
 
@@ -129,8 +145,8 @@ class _Pixels:
         todo = ok & ~plain
         self._iterate(todo, first, tuning, gate, x, scale, floor, settled, frozen=s.scale > 0)
         if adaptive:
-            by_median = np.maximum(self._by_quantile(x, g, 0.5, 12) * MAD, floor)
-            kind = np.where(plain, kind, self._kinds(x, scale, by_median, high))
+            found, by_median = self._tell(todo, x, scale, floor, high)
+            kind = np.where(plain, kind, found)
             white, structured = todo & (kind == Kind.WHITE), todo & (kind == Kind.STRUCTURED)
             loss, factor = np.where(white, _TUKEY, loss), np.where(white, LOSSES["tukey"], factor)
             scale[white] = (given if s.scale > 0 else by_median)[white]
@@ -204,8 +220,29 @@ class _Pixels:
         part.y, part.g = self.y[:, pixels], self.g[:, pixels]
         return part
 
-    def _kinds(self, x: FloatArray, scale: FloatArray, by_median: FloatArray, high: FloatArray) -> IntArray:
+    def _tell(
+        self, todo: BoolArray, x: FloatArray, scale: FloatArray, floor: FloatArray, high: FloatArray
+    ) -> tuple[IntArray, FloatArray]:
+        """Return what the residuals are like and their scale by the median; x is put where noise alone would be."""
+        by_median = np.maximum(self._by_quantile(x, self.g, 0.5, 12) * MAD, floor)
+        doubtful = todo & (by_median > self.s.small * high)
+        calm, wide = x.copy(), by_median * self._few(x)
+        self._iterate(doubtful, _TUKEY, LOSSES["tukey"], self.g, calm, wide, floor, ~todo, frozen=True)
+        calm_median = np.maximum(self._by_quantile(calm, self.g, 0.5, 12) * MAD, floor) * self._few(calm)
+        uneven = doubtful & self._structured(calm, calm_median)
         by_quartile = self._by_quantile(x, self.g, 0.25, 12) * QUARTILE
+        spread_out = by_quartile > self.s.piled * by_median
+        noisy = doubtful & ~uneven
+        x[:, noisy], by_median[noisy] = calm[:, noisy], calm_median[noisy]
+        return np.where(uneven, np.where(spread_out, Kind.STRUCTURED, Kind.PILED_UP), Kind.WHITE), by_median
+
+    def _few(self, x: FloatArray) -> FloatArray:
+        """Return by how much residuals of a fit are smaller than the errors, for the freedom that the fit took."""
+        count = np.count_nonzero(self._lit(x, self.g), axis=0)
+        return np.asarray(np.sqrt(count / np.maximum(count - 3.0, 1.0)))
+
+    def _structured(self, x: FloatArray, scale: FloatArray) -> BoolArray:
+        """Return where neighbouring lights have residuals alike."""
         r = self.y - self.q @ x
         kept = ((np.abs(r) < 4 * scale) & (self._lit(x, self.g) > 0)).astype(np.float64)
         count = kept.sum(axis=0)
@@ -214,9 +251,7 @@ class _Pixels:
         products, pairs = times @ (r[one] * r[other]), times @ (kept[one] * kept[other])
         variance = (r * r).sum(axis=0) / np.maximum(count, 1)
         moran = products / np.maximum(pairs, 1) / (variance + 1e-30)
-        uneven = (by_median > self.s.small * high) & (moran > self.s.structure * np.sqrt(96.0 / np.maximum(count, 1)))
-        spread_out = by_quartile > self.s.piled * by_median
-        return np.where(uneven, np.where(spread_out, Kind.STRUCTURED, Kind.PILED_UP), Kind.WHITE)
+        return np.asarray(moran > self.s.structure * np.sqrt(96.0 / np.maximum(count, 1)))
 
     def _middle(self, mass: FloatArray) -> FloatArray:
         width = np.minimum(1.0, np.maximum(self.s.width, self.s.keep / np.maximum(self.usable, 1)))
@@ -254,7 +289,8 @@ class _Pixels:
             correction = 1 + 3.0 / looked * spread / (mean * mean)
             variance = correction**2 * ((w * r) ** 2).sum(axis=0) / (looked - 3) / (mean * mean)
             rough = (loss == 0) | ~(mean > 0)
-            variance = np.where(rough, np.pi / 2 * scale**2, variance) * self.brightest**2
+            variance = np.where(rough, np.pi / 2 * scale**2, variance)
+            variance = np.maximum(variance, self._doubt(x, lit, scale)) * self.brightest**2
         found = np.where(ok & fine, kind, np.where(ok & (kind == Kind.PLAIN), Kind.PLAIN, Kind.UNSOLVED))
         ok &= fine & (kind != Kind.PLAIN)
         judged: Array = np.zeros((0, 0), np.uint8)
@@ -273,6 +309,26 @@ class _Pixels:
             verdicts=judged,
         )
 
+    def _doubt(self, x: FloatArray, lit: FloatArray, scale: FloatArray) -> FloatArray:
+        """Return the least variance where few observations agree no better than a choice among noise would.
+
+        The probability that k of n observations of Gaussian noise lie within 3 `scale` of a fit to some three of them
+        is at most the number of such choices times that of each of the others.
+        """
+        from scipy.special import gammaln
+
+        n = np.count_nonzero(lit, axis=0).astype(np.float64)
+        straight, fine = _solve(*self._moments(lit, self.y))
+        calm = np.where(fine, straight, x)
+        wide = self._by_quantile(calm, lit, 0.5, 8) * MAD * np.sqrt(n / np.maximum(n - 3, 1))
+        agree = ((np.abs(self.y - self.q @ x) < 3 * scale) & (lit > 0)).sum(axis=0)
+        k = np.clip(agree, 3, np.maximum(n, 3))
+        share = np.minimum(1.0, 2.4 * scale / np.maximum(wide, 1e-30))
+        choices = np.log(np.maximum(n - 3, 1)) + gammaln(n + 1) - gammaln(n - k + 1) - gammaln(4) - gammaln(k - 2)
+        chance = choices + (k - 3) * np.log(share)
+        unsure = (n < FEW) & (chance > LOG_CHANCE)
+        return np.where(unsure, (1 + LOSS_OF_FEW / np.maximum(n, 1)) * wide**2, 0.0)
+
     def _judge(self, ok: BoolArray, x: FloatArray, gate: FloatArray, w: FloatArray, scale: FloatArray) -> Array:
         p = self.q @ x
         dark = self.s.dark * self._albedo(x)
@@ -287,36 +343,6 @@ class _Pixels:
             (gate == 0, Verdict.NOT_NEEDED),
         )
         return np.select([c for c, _ in choices], [np.uint8(v) for _, v in choices], np.uint8(Verdict.USED))
-
-
-def weight(loss: int, t: FloatArray) -> FloatArray:
-    """Return the weights of a loss for residuals over tuning constant and scale."""
-    v = t * t
-    by_loss: tuple[Any, ...] = (
-        lambda: 1 / np.maximum(np.abs(t), 1e-3),
-        lambda: 1 / np.maximum(np.abs(t), 1.0),
-        lambda: 1 / (1 + v),
-        lambda: 1 / (1 + v) ** 2,
-        lambda: np.maximum(1 - v, 0) ** 2,
-        lambda: np.exp(-v),
-        lambda: np.ones_like(t),
-    )
-    return np.asarray(by_loss[loss]())
-
-
-def weight_slope(loss: int, t: FloatArray) -> FloatArray:
-    """Return the derivative of r · weight by r; its mean says how much of the data a loss uses."""
-    v = t * t
-    by_loss: tuple[Any, ...] = (
-        lambda: np.ones_like(t),
-        lambda: (v < 1).astype(np.float64),
-        lambda: (1 - v) / (1 + v) ** 2,
-        lambda: (1 - 3 * v) / (1 + v) ** 3,
-        lambda: np.where(v < 1, (1 - v) * (1 - 5 * v), 0.0),
-        lambda: (1 - 2 * v) * np.exp(-v),
-        lambda: np.ones_like(t),
-    )
-    return np.asarray(by_loss[loss]())
 
 
 def _quantile(a: FloatArray, g: FloatArray, top: FloatArray, want: FloatArray, steps: int) -> FloatArray:

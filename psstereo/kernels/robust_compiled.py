@@ -30,14 +30,25 @@ from psstereo.kernels.robust_loops_compiled import (
     two_quantiles,
     weigh,
 )
-from psstereo.kernels.robust_settings import CONSISTENCY, MAD, MORE, QUARTILE, Kind, RobustFit, Settings
+from psstereo.kernels.robust_settings import (
+    CONSISTENCY,
+    FEW,
+    LOG_CHANCE,
+    LOSS_OF_FEW,
+    MAD,
+    MORE,
+    QUARTILE,
+    Kind,
+    RobustFit,
+    Settings,
+)
 from psstereo.types import Array, FloatArray, IntArray
 from psstereo.verdict import Verdict
 
 __all__ = ["robust_fit"]
 
 F = np.float32
-_ZERO, _HALF, _ONE, _TWO = F(0), F(0.5), F(1), F(2)
+_ZERO, _HALF, _ONE, _TWO, _THREE = F(0), F(0.5), F(1), F(2), F(3)
 _TOGETHER, _MORE = 16, MORE
 _CONSISTENCY = np.array(CONSISTENCY, np.float32)
 _MAD, _QUARTILE = F(MAD), F(QUARTILE)
@@ -184,16 +195,28 @@ def _start(y, g, q, r_inverse, s, given, work, o, gate, x):
 
 
 @_plain
-def _tell(y, g, q, r_inverse, neighbours, s, scale, floor, high, x, work):
-    """Return what the residuals are like, and their scale by the median."""
+def _freedom(number):
+    """Return by how much residuals of a fit are smaller than the errors, for the freedom that the fit took."""
+    return F(math.sqrt(number / max(number - _THREE, _ONE)))
+
+
+@_plain
+def _tell(y, g, q, r_inverse, neighbours, s, floor, high, x, calm, work, o):
+    """Return what the residuals are like, and their scale by the median; x is put where noise alone would be."""
     total, top = residuals(y, g, q, x, F(s.dark * _albedo(r_inverse, x)), work[0], work[1], work[2])
     by_median = max(_MAD * quantile(work[1], work[2], top, _HALF * total, 6), floor)
     if not by_median > F(s.small) * high:
         return _WHITE, by_median
-    moran, within = structure(work[0], work[1], work[2], neighbours, F(4) * scale, work[4])
-    if not moran > s.structure * math.sqrt(96.0 / max(within, _ONE)):
-        return _WHITE, by_median
     by_quartile = _QUARTILE * quantile(work[1], work[2], top, F(0.25) * total, 6)
+    calm[0], calm[1], calm[2] = x[0], x[1], x[2]
+    wide = by_median * _freedom(count(work[2])[0])
+    _iterate(_TUKEY, _TUKEY_TUNING, wide, True, floor, y, g, q, r_inverse, calm, s, s.rounds, work, o)
+    total, top = residuals(y, g, q, calm, F(s.dark * _albedo(r_inverse, calm)), work[0], work[1], work[2])
+    calm_median = max(_MAD * quantile(work[1], work[2], top, _HALF * total, 6), floor) * _freedom(count(work[2])[0])
+    moran, within = structure(work[0], work[1], work[2], neighbours, F(4) * calm_median, work[4])
+    if not moran > s.structure * math.sqrt(96.0 / max(within, _ONE)):
+        x[0], x[1], x[2] = calm[0], calm[1], calm[2]
+        return _WHITE, calm_median
     return (_STRUCTURED if by_quartile > F(s.piled) * by_median else _PILED_UP), by_median
 
 
@@ -233,12 +256,33 @@ def _variance(loss, inverse, scale, looked, work):
 
 
 @_plain
+def _doubt(y, q, scale, looked, x, calm, work, o):
+    """Return the least variance where few observations agree no better than a choice among noise would."""
+    lit = work[2]
+    agree = 0
+    for i in range(len(y)):
+        agree += 1 if (lit[i] > 0 and abs(work[0][i]) < F(3) * scale) else 0
+    moments(y, lit, q, o)
+    calm[0], calm[1], calm[2] = 0.0, 0.0, 0.0
+    if not _solve(o, calm, calm):
+        calm[0], calm[1], calm[2] = x[0], x[1], x[2]
+    total, top = residuals(y, lit, q, calm, F(-1e30), work[0], work[1], work[4])
+    wide = float(_MAD * quantile(work[1], work[4], top, _HALF * total, 4)) * math.sqrt(looked / max(looked - 3.0, 1.0))
+    n, k = float(looked), float(max(agree, 3))
+    share = min(1.0, 2.4 * scale / max(wide, 1e-30))
+    choices = math.log(max(n - 3, 1.0)) + math.lgamma(n + 1) - math.lgamma(n - k + 1) - math.lgamma(4.0)
+    if choices - math.lgamma(k - 2) + (k - 3) * math.log(share) > LOG_CHANCE:
+        return (1 + LOSS_OF_FEW / n) * wide**2
+    return 0.0
+
+
+@_plain
 def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, exact, x_out, matrix, facts, counts, verdicts):
     m, pixels = values.shape
     rows, heavy = np.zeros((_TOGETHER, m), values.dtype), np.ones((_TOGETHER, m))
     y, y64, g64 = np.zeros(m, np.float32), np.zeros(m), np.zeros(m)
     g, gate, work = np.zeros(m, np.float32), np.zeros(m, np.float32), np.zeros((5, m), np.float32)
-    o, o64, x = np.zeros(9, np.float32), np.zeros(9), np.zeros(3)
+    o, o64, x, calm = np.zeros(9, np.float32), np.zeros(9), np.zeros(3), np.zeros(3)
     adaptive, frozen = s.loss == 6, s.scale > 0
     first, first_tuning = (3, 1.0) if adaptive else (s.loss, s.tuning)
     for j in range(pixels):
@@ -265,7 +309,7 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, exact, x_out, m
         loss, tuning = first, first_tuning
         scale, settled = _iterate(loss, tuning, scale, frozen, floor, y, g, q32, r_inverse, x, s, s.rounds, work, o)
         if adaptive:
-            kind, by_median = _tell(y, g, q32, r_inverse, neighbours, s, scale, floor, high, x, work)
+            kind, by_median = _tell(y, g, q32, r_inverse, neighbours, s, floor, high, x, calm, work, o)
             again = kind != _PILED_UP
             if kind == _WHITE:
                 loss, tuning, scale = _TUKEY, _TUKEY_TUNING, given if frozen else by_median
@@ -284,13 +328,16 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, exact, x_out, m
         for k in range(6):
             matrix[j, k] = o[k]
         looked, used = count_used(work[2], work[3])
-        facts[0, j] = _variance(loss, inverse, scale, looked, work) * brightest * brightest
+        if verdicts.size:
+            _judge(y, g, gate, x, work[3], work[2], work[0], scale, _albedo(r_inverse, x), q64, s.dark, verdicts, j)
+        variance = _variance(loss, inverse, scale, looked, work)
+        if 3 < looked < FEW:
+            variance = max(variance, _doubt(y, q32, scale, looked, x, calm, work, o))
+        facts[0, j] = variance * brightest * brightest
         facts[1, j], facts[2, j] = scale * brightest, 1.0 if settled else 0.0
         counts[0, j], counts[1, j], counts[2, j] = int(used), int(looked), kind if adaptive else _WHITE
         for k in range(3):
             x_out[j, k] = x[k] * brightest
-        if verdicts.size:
-            _judge(y, g, gate, x, work[3], work[2], work[0], scale, _albedo(r_inverse, x), q64, s.dark, verdicts, j)
 
 
 def robust_fit(

@@ -4,7 +4,20 @@ from typing import NamedTuple
 
 from psstereo.types import Array, BoolArray, FloatArray, IntArray
 
-__all__ = ["ADAPTIVE", "CONSISTENCY", "LOSSES", "MAD", "MORE", "QUARTILE", "Kind", "RobustFit", "Settings"]
+__all__ = [
+    "ADAPTIVE",
+    "CONSISTENCY",
+    "FEW",
+    "LOG_CHANCE",
+    "LOSSES",
+    "LOSS_OF_FEW",
+    "MAD",
+    "MORE",
+    "QUARTILE",
+    "Kind",
+    "RobustFit",
+    "Settings",
+]
 
 LOSSES: dict[str, float] = {
     "l1": 1.0,
@@ -27,6 +40,12 @@ QUARTILE = 3.138344200661294
 """Standard deviation over the quartile of the absolute value, of Gaussian noise [1]."""
 MORE = 5
 """Rounds at most, in multiples of the setting; after the first multiple the lit set and the scale are held [1]."""
+FEW = 48
+"""Lit observations below which an agreement may be chance [1]."""
+LOG_CHANCE = -4.605170185988091
+"""Logarithm of the chance, one in a hundred, above which an agreement is not trusted [1]."""
+LOSS_OF_FEW = 8.0
+"""Observations that picking an agreement costs: the variance grows by one plus this over their number [1]."""
 CONSISTENCY = (
     0.1255378914539751,
     0.8556923434719558,

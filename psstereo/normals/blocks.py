@@ -11,7 +11,7 @@ from psstereo.normals.memory import BLOCK, MemoryPlan
 from psstereo.normals.observations import may_take_part
 from psstereo.normals.solver import NormalSolver, PixelNormals, Samples
 from psstereo.normals.verdict import OUTSIDE, VerdictArray
-from psstereo.stack import PixelSet, SampleStore
+from psstereo.stack import PixelSet, Projection, SampleStore
 from psstereo.types import BoolArray, FlagArray, FloatArray, Map, Progress
 
 __all__ = ["Answer", "BlockJob", "solve_blocks"]
@@ -40,6 +40,8 @@ class Answer:
         Observations that it rests on, with it [1].
     verdicts : uint8 array (m, p) or None
         What was made of each observation, if asked for; of a whole capture (m, h · w).
+    ambient : float array (p,) or None
+        What the pixels show without the lights, if the solver tells it; the mean of several channels.
     """
 
     normals: FloatArray
@@ -49,6 +51,7 @@ class Answer:
     covariance: FloatArray | None = None
     used: FloatArray | None = None
     verdicts: VerdictArray | None = None
+    ambient: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,7 +67,11 @@ class BlockJob:
     pixels : PixelSet
         The pixels of the capture.
     channels : int
-        Values an observation.
+        Values an observation that are solved.
+    projection : Projection or None
+        What makes one value of the samples' channels first.
+    strengths : float array (m, c) or None
+        Strengths of the lights, for it.
     weights : float array (m, h · w) or None
         Weights of all observations; a block's are picked when it is solved, so that they are not held twice.
     mask : bool or uint8 array (m, h · w) or None
@@ -77,6 +84,8 @@ class BlockJob:
     state: Any
     pixels: PixelSet
     channels: int
+    projection: Projection | None = None
+    strengths: FloatArray | None = None
     weights: FloatArray | None = None
     mask: BoolArray | VerdictArray | None = None
     verdicts: bool = False
@@ -93,6 +102,8 @@ class BlockJob:
         weights = None if self.weights is None else self.weights[:, indices].astype(np.float64)
         if self.mask is not None:
             values = np.where(may_take_part(self.mask[:, indices]), values, values.dtype.type(np.nan))
+        if self.projection is not None and self.strengths is not None:
+            values = self.projection(values, self.strengths)[None]
         parts = [
             self.solver.solve(self.state, Samples(values[k], weights, self.verdicts, self.covariance))
             for k in range(self.channels)
@@ -126,6 +137,7 @@ def _one(part: PixelNormals, with_covariance: bool) -> Answer:
         part.covariance if with_covariance else None,
         used,
         part.verdicts,
+        part.ambient,
     )
 
 
@@ -133,7 +145,9 @@ def _several(parts: list[PixelNormals], with_covariance: bool) -> Answer:
     normals, albedo, uncertainty, flags = combine_channels(parts)
     covariance, used = combine_covariances(parts, normals, albedo) if with_covariance else (None, None)
     verdicts = combine_verdicts(parts) if parts[0].verdicts is not None else None
-    return Answer(normals, albedo, uncertainty, flags, covariance, used, verdicts)
+    levels = [part.ambient for part in parts if part.ambient is not None]
+    ambient = np.nansum(levels, axis=0) / np.maximum(np.isfinite(levels).sum(axis=0), 1) if levels else None
+    return Answer(normals, albedo, uncertainty, flags, covariance, used, verdicts, ambient)
 
 
 def solve_blocks(job: BlockJob, store: SampleStore, plan: MemoryPlan, over: Map, progress: Progress) -> Answer:
@@ -170,6 +184,7 @@ def solve_blocks(job: BlockJob, store: SampleStore, plan: MemoryPlan, over: Map,
         np.zeros((count, 6), dtype) if job.covariance else None,
         np.zeros(count, dtype) if job.covariance else None,
         np.full((m, size), OUTSIDE, np.uint8) if job.verdicts else None,
+        np.zeros(count, dtype) if job.solver.unknowns > 3 else None,
     )
     # One thread a block: linear algebra that splits a block itself would round differently from run to run.
     with threadpool_limits(1, user_api="blas"):
@@ -190,6 +205,8 @@ def _solve_tile(job: BlockJob, tile: int, values: FloatArray, out: Answer, *, ov
             out.uncertainty[where], out.flags[where] = answer.uncertainty, answer.flags
             if out.covariance is not None and out.used is not None:
                 out.covariance[where], out.used[where] = answer.covariance, answer.used
+            if out.ambient is not None and answer.ambient is not None:
+                out.ambient[where] = answer.ambient
             if out.verdicts is not None and answer.verdicts is not None:
                 for row, verdicts in zip(out.verdicts, answer.verdicts, strict=True):
                     row[job.pixels.indices[where]] = verdicts

@@ -22,7 +22,7 @@ from psstereo.normals.observations import checked_mask, count_left_out
 from psstereo.normals.solver import NormalSolver
 from psstereo.normals.verdict import VerdictArray
 from psstereo.results import AlbedoKind, NormalsResult, Outcome
-from psstereo.stack import Conversion, MemoryStore, PixelSet, SampleStore, SpillStore, gather, gray_weights
+from psstereo.stack import Conversion, MemoryStore, PixelSet, SampleStore, SpillStore, colour_reading, gather
 from psstereo.types import BoolArray, FloatArray, Map, Progress, no_progress
 
 __all__ = ["estimate_normals"]
@@ -56,8 +56,8 @@ def estimate_normals(
     solver : NormalSolver, optional
         The method; :func:`psstereo.normals.default_solver` chooses if absent.
     gray : str or sequence of float
-        How channels become one value, a name in :data:`psstereo.stack.GRAY` or one weight a channel; or
-        ``"per-channel"``: every channel is solved and the albedo has channels.
+        How channels become one value, a name in :data:`psstereo.stack.COLOUR_CHOICES` or one weight a channel. With
+        ``"per-channel"`` every channel is solved and the albedo has channels.
     clip : float, optional
         Upper bound put on brightness over light strength, as published baselines do.
     valid_range : (float, float), optional
@@ -102,13 +102,16 @@ def estimate_normals(
     started = time.perf_counter()
     pixels = PixelSet.from_mask(capture.effective_mask)
     state = method.prepare(capture.rig, len(pixels))  # before anything is decoded: a bad rig is told at once
-    channels = gray_weights(gray, capture.stack.shape[3])
-    conversion = _conversion(capture, channels.matrix, method.gate.saturation, clip, valid_range)
+    channels = colour_reading(gray, capture.stack.shape[3])
+    matrix = channels.weights.matrix
+    conversion = _conversion(capture, matrix, method.gate.saturation, clip, valid_range)
     job = BlockJob(
         solver=method,
         state=state,
         pixels=pixels,
-        channels=len(channels.matrix),
+        channels=channels.values,
+        projection=channels.projection,
+        strengths=capture.rig.strengths(capture.stack.shape[3]),
         weights=_flat_weights(weights, capture),
         mask=checked_mask(observation_mask, capture.stack.shape[:3]),
         verdicts=verdicts,
@@ -119,16 +122,18 @@ def estimate_normals(
     plan = plan_memory(
         capture.stack,
         pixels,
-        job.channels,
+        len(matrix),
         max_memory,
         workers,
         undoing=undoing,
         masked=job.mask is not None,
         verdicts=verdicts,
         covariance=covariance,
+        projected=channels.projection is not None,
     )
+    below = None if capture.dark is None else np.zeros(len(capture.stack))
     with _store(plan) as store:
-        largest = gather(capture.stack, pixels, conversion, store, over=over, progress=progress)
+        largest = gather(capture.stack, pixels, conversion, store, below=below, over=over, progress=progress)
         _require_light(largest, capture.stack.names, None if left_out is None else left_out == len(pixels))
         read = time.perf_counter()
         answer = solve_blocks(job, store, plan, over, progress)
@@ -147,6 +152,9 @@ def estimate_normals(
         "samples_in": "memory" if plan.in_memory else "temporary file",
         "sample_bytes": plan.sample_bytes,
         "left_out_by_hand": None if left_out is None else int(left_out.sum()),
+        "below_dark": None if below is None else float(below.mean()),
+        "below_dark_most": None if below is None else [capture.stack.names[below.argmax()], float(below.max())],
+        "ambient_share": _ambient_share(answer),
     }
     seconds = {"read": read - started, "solve": time.perf_counter() - read}
     return _assemble(answer, pixels, capture, facts, seconds)
@@ -251,6 +259,16 @@ def _assemble(
         covariance=None if answer.covariance is None else pixels.scatter(answer.covariance),
         used=None if answer.used is None else pixels.scatter(answer.used),
     )
+
+
+def _ambient_share(answer: Answer) -> list[float] | None:
+    """Return ambient over ambient and a facing light's part together: its 5 %, 50 % and 95 % quantiles over pixels."""
+    if answer.ambient is None:
+        return None
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = answer.ambient / (answer.ambient + answer.albedo.mean(axis=1))
+    share = share[np.isfinite(share)]
+    return [float(value) for value in np.quantile(share, [0.05, 0.5, 0.95])] if len(share) else None
 
 
 def _outcome(answer: Answer, lost: int) -> Outcome:

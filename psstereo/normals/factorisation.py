@@ -25,9 +25,9 @@ __all__ = ["Factorisation", "factorise"]
 
 _PIXELS = 4096
 """Pixels on which the lights are found; the normals of all others follow from them."""
-_ROUNDS = 60
+_ROUNDS = 150
 _LAST_ROUNDS = 6
-_SETTLED = 1e-2
+_SETTLED = 2e-2
 """Turn of the space of the lights, as a share of the residual's spread, at which it counts as found."""
 _EXACT = 1e-10
 
@@ -39,9 +39,9 @@ class Factorisation:
     Attributes
     ----------
     lights : float64 array (m, 3)
-        T, with orthonormal columns.
+        T.
     fit : LowRankFit
-        Fit of all pixels, with their scaled normals S.
+        Fit of all pixels, with their scaled normals S; its model and residuals are those of images made equally bright.
     relief_ratio : float
         Third singular value of the normals over the spread of the residuals: how far three dimensions stand out, near
         1 for a plane or a cylinder [1].
@@ -83,10 +83,12 @@ def factorise(values: FloatArray, usable: BoolArray, start: FloatArray | None = 
     InputError
         If no pixel has enough observations.
     """
+    level = _levels(values, usable)
+    values = values / level[:, None]  # so that a dim image is not taken for one in shadow
     some = np.linspace(0, values.shape[1] - 1, min(_PIXELS, values.shape[1])).astype(np.intp)
     part, good = values[:, some], usable[:, some]
     weights = first_weights(np.where(good, part, np.nan))
-    lights = np.linalg.qr(_start(part, weights) if start is None else start)[0]
+    lights = np.linalg.qr(_start(part, weights) if start is None else start / level[:, None])[0]
     settled = False
     for _ in range(_ROUNDS):
         fit = fit_normals(part, lights, weights)
@@ -107,27 +109,47 @@ def factorise(values: FloatArray, usable: BoolArray, start: FloatArray | None = 
             needed="Some pixels must be lit in five images or more.",
             remedy="Check the mask, the exposure and that all images show the same object from the same place.",
         )
-    return Factorisation(lights, fit, _relief_ratio(fit), settled)
+    return Factorisation(lights * level[:, None], fit, _relief_ratio(fit), settled)
+
+
+def _levels(values: FloatArray, usable: BoolArray) -> FloatArray:
+    """Return how bright each image is, (m,)."""
+    level = np.array(
+        [np.quantile(row[good], 0.9) if good.any() else 0.0 for row, good in zip(values, usable, strict=True)]
+    )
+    if not (level > 0).all():
+        raise InputError(
+            given=f"Image {np.flatnonzero(~(level > 0))[0] + 1} is black nearly everywhere under the mask.",
+            needed="Each light must reach a good part of the object.",
+            remedy="Leave that image out.",
+        )
+    return level
 
 
 def _start(values: FloatArray, weights: FloatArray) -> FloatArray:
     """Return the leading three-dimensional space of pixels that every light reaches, (m, 3)."""
-    level = np.array([np.quantile(row[kept > 0], 0.9) for row, kept in zip(values, weights, strict=True)])
     whole = (weights > 0).all(axis=0)
-    even = values[:, whole if np.count_nonzero(whole) > 4 * len(values) else slice(None)] / level[:, None]
+    even = values[:, whole if np.count_nonzero(whole) > 4 * len(values) else slice(None)]
     _, vectors = np.linalg.eigh(weighted_gram(even))
-    return np.asarray(vectors[:, :-4:-1] * level[:, None])
+    return np.asarray(vectors[:, :-4:-1])
 
 
 def _fit_lights(values: FloatArray, fit: LowRankFit) -> FloatArray:
     """Fit every light to the normals by weighted least squares, (m, 3)."""
     table = outer_entries(fit.normals) @ fit.weights.T
     lights, singular = solve_symmetric(table, fit.normals @ (fit.weights * values).T)
+    if singular.all():
+        raise InputError(
+            given="The images have less than three dimensions: all normals lie in a plane, or are one.",
+            needed="To tell lights apart, an object must show normals in all directions.",
+            remedy="Give the directions of the lights; from a flat object, or one bent in one direction only, they "
+            "cannot be told.",
+        )
     if singular.any():
         raise InputError(
             given=f"Image {np.flatnonzero(singular)[0] + 1} shows too little of the object's shape.",
             needed="Each image must light normals of different directions.",
-            remedy="Leave that image out; if it is not one of a few, the object is flat and its lights cannot be told.",
+            remedy="Leave that image out together with its light.",
         )
     return lights.T
 

@@ -57,6 +57,7 @@ def plan_memory(
     masked: bool = False,
     verdicts: bool = False,
     covariance: bool = False,
+    projected: bool = False,
 ) -> MemoryPlan:
     """Decide where the samples wait.
 
@@ -78,6 +79,8 @@ def plan_memory(
         Whether observations are left out by a mask, which is applied to a copy of each block.
     verdicts, covariance : bool
         Whether they are asked for.
+    projected : bool
+        Whether the values of an observation are projected to one before they are solved.
 
     Returns
     -------
@@ -104,6 +107,7 @@ def plan_memory(
     solving = int(workers * m * BLOCK * 8 * _BLOCK_ARRAYS)
     solving += workers * BLOCK * (m * values * (dtype.itemsize + 2) * masked + 2 * m * values * verdicts)
     solving += workers * BLOCK * 8 * _COVARIANCE * values * covariance
+    solving += workers * BLOCK * 8 * m * (2 * values + 2) * projected
     # Verdicts fill their images at once; those of a tile may wait for them if a thread falls behind.
     fixed = result + max(decoding, solving, h * w * pixel) + m * h * w * verdicts
     whole = MemoryPlan(

@@ -61,6 +61,9 @@ class PixelNormals:
         along the normal, and its trace is the square of `uncertainty` [rad²].
     verdicts : uint8 array (m, p) or None
         What was made of each observation, if that was asked for; see :class:`psstereo.normals.verdict.Verdict`.
+    ambient : float64 array (p,) or None
+        What each pixel shows without any of the lights, in the unit of its brightness over light strength, from solvers
+        that tell it; NaN where the normal is.
     """
 
     scaled: FloatArray
@@ -69,6 +72,7 @@ class PixelNormals:
     used: FlagArray
     covariance: FloatArray | None = None
     verdicts: VerdictArray | None = None
+    ambient: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +92,11 @@ class NormalSolver(ABC, Generic[StateT]):
     avoid: ClassVar[str]
     """When not to use it, as a clause."""
     least_lights: ClassVar[int] = 3
-    """Lights below which it refuses."""
+    """Lights below which it refuses: with fewer a flexible model follows the noise, or has more unknowns than data."""
+    unknowns: ClassVar[int] = 3
+    """Numbers that a pixel's observations have to tell: a normal and an albedo, and what else there is."""
+    sees_the_eye: ClassVar[bool] = False
+    """Whether its model depends on the direction toward the camera, so that turning the scene is not for free."""
     pays_from: ClassVar[int] = 3
     """Lights from which it is better than plain least squares where its assumption holds."""
     gate: Gate = field(default_factory=lambda: GATES["auto"])
@@ -106,7 +114,7 @@ class NormalSolver(ABC, Generic[StateT]):
             raise RigError(
                 given=f"There are {len(rig)} lights.",
                 needed=f"The solver {self.name} needs {self.least_lights} or more.",
-                remedy="Use the solver least-squares, or take more images.",
+                remedy="Use the solver least-squares, from eight lights on the solver robust, or take more images.",
             )
 
     @abstractmethod

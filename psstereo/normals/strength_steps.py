@@ -10,6 +10,9 @@ from psstereo.types import FloatArray
 
 __all__ = ["StrengthSystem", "closed_form", "strength_system"]
 
+_ROUNDING = 1e-12
+"""Determinacy a light below which rounding has made it."""
+
 
 def closed_form(values: FloatArray, lights: FloatArray, weights: FloatArray | None = None) -> tuple[FloatArray, float]:
     """Return strengths that make every pixel's values a product with the light matrix, as well as can be.
@@ -70,22 +73,37 @@ class StrengthSystem:
         prior : float
             Weight of a tie to nominal strengths, as a share of the median diagonal of H [1].
         offset : float64 array (m,), optional
-            Logarithms of the strengths over the nominal ones.
+            Logarithms of the strengths over the nominal ones, up to a common factor.
         """
-        h, g = self.matrix, self.right
-        if prior > 0 and offset is not None:
-            tie = prior * float(np.median(np.diag(h)))
-            h, g = h + tie * np.eye(len(h)), g - tie * offset
-        d = 1.0 / np.sqrt(np.diag(h))
+        if prior == 0 or offset is None:
+            return self.free_step(self.right)
+        tie = prior * float(np.median(np.diag(self.matrix)))
+        tied = StrengthSystem(self.matrix + tie * _centring(len(self.matrix)), self.right)
+        return tied.free_step(self.right - tie * (offset - offset.mean()))
+
+    def free_step(self, right: FloatArray) -> FloatArray:
+        """Return the solution of H x = right with mean zero, (m,)."""
+        d = 1.0 / np.sqrt(np.diag(self.matrix))
         ones = (1.0 / d) / np.sqrt((1.0 / d) @ (1.0 / d))
         # the common scale is free: fill its direction so that the matrix can be inverted
-        step = d * np.linalg.solve(h * d * d[:, None] + np.outer(ones, ones), d * g)
+        step = d * np.linalg.solve(self.matrix * d * d[:, None] + np.outer(ones, ones), d * right)
         return np.asarray(step - step.mean())
 
     def determinacy(self) -> float:
-        """Return the smallest share of a light's own information that is left when normals are unknown [1]."""
-        d = 1.0 / np.sqrt(np.diag(self.matrix))
-        return float(np.linalg.eigvalsh(self.matrix * d * d[:, None])[1])
+        """Return the smallest share of a light's own information that is left when normals are unknown [1].
+
+        Zero or less where it is lost in rounding, or a light has no information at all.
+        """
+        diagonal = np.diag(self.matrix)
+        if not (diagonal > 0).all():
+            return 0.0
+        d = 1.0 / np.sqrt(diagonal)
+        share = float(np.linalg.eigvalsh(self.matrix * d * d[:, None])[1])
+        return share if share > _ROUNDING * len(d) else 0.0
+
+
+def _centring(count: int) -> FloatArray:
+    return np.eye(count) - 1.0 / count
 
 
 def strength_system(values: FloatArray, lights: FloatArray, fit: LowRankFit) -> StrengthSystem:

@@ -1,14 +1,18 @@
 """Strengths of lights from the images, when only the directions are known (semi-calibrated photometric stereo).
 
-A pixel shows ``V_ip = e_i l_i · b_p`` with the strengths e_i unknown. The images determine them up to a common factor,
-unless all lights but one lie in a plane, or all normals do: then other strengths with other normals show the same
-images. A closed form (Hadamard product of two small matrices) and the images' own brightness give two starts. The
-better one is refined by robust Gauss–Newton steps in log e with the normals eliminated; shadows and highlights are
-found by the model as it improves, and badly fitted pixels lose their say.
+A pixel shows ``V_ip = e_i l_i · b_p`` with the strengths e_i unknown; a gain of each frame, such as its exposure time,
+is part of them. The images determine them up to a common factor, unless all lights but one lie in a plane, or all
+normals are alike: then other strengths with other normals show the same images. A closed form (Hadamard product of two
+small matrices), the images' own brightness and the nominal strengths give starts. The best one is refined by robust
+Gauss–Newton steps in log e with the normals eliminated; shadows and highlights are found by the model as it improves,
+and badly fitted pixels lose their say.
 
-What is left is model error, which does not average out over pixels. Its effect is judged as if all pixels' residuals
-conspired: the spread of the residuals over the root of the *determinacy*, the least share of a light's information that
-survives not knowing the normals. Where that expected error is large, strengths cannot be told, and the method refuses.
+How far to trust them is judged by the images too. Regions of the image are asked how far they would pull the strengths
+on their own: noise averages out over a region, but gloss, interreflection or a lamp that is near do not, and what
+regions disagree about is a measure of what they are wrong about together. To this comes a thousandth of the brightness
+over the root of the *determinacy*, the least share of a light's information that survives not knowing the normals.
+Where that expected error is large, strengths cannot be told, and the method refuses. It cannot see what every region
+agrees on: a surface that reflects less of the light from the side looks like one under lamps that are weaker there.
 """
 
 import time
@@ -20,18 +24,30 @@ import numpy as np
 from psstereo.capture import Capture
 from psstereo.errors import InputError, OptionError, RigError
 from psstereo.lights import Rig, StrengthUnit
-from psstereo.normals.low_rank_fit import first_weights, fit_normals
-from psstereo.normals.strength_refinement import Refined, SampleSet, refine_strengths, robust_spread
+from psstereo.normals.low_rank_fit import fit_normals
+from psstereo.normals.strength_refinement import (
+    Refined,
+    SampleSet,
+    brightness,
+    first_lit,
+    refine_strengths,
+    robust_spread,
+)
 from psstereo.normals.strength_steps import closed_form
-from psstereo.normals.thinning import sample_grid
+from psstereo.normals.thinning import SampleGrid, sample_grid
+from psstereo.normals.verdict import VerdictArray
 from psstereo.results import Outcome, Step
 from psstereo.stack import PER_CHANNEL
-from psstereo.types import FloatArray, Map, Progress, no_progress
+from psstereo.types import BoolArray, FloatArray, IntArray, Map, Progress, no_progress
 
 __all__ = ["StrengthEstimate", "StrengthHealth", "estimate_strengths"]
 
 _PIXELS = 8192
 """Pixels used: far more than the unknowns need, and more would only repeat the same model error."""
+_LEAST_PIXELS = 10
+"""Pixels that an image must light, for a light or for normals to be told from."""
+_BANDS = 5
+"""Regions are bands of rows, this many, split into this many pieces each."""
 _WORST_ERROR = 0.15
 """Expected error from which strengths count as not to be told."""
 _LOOSE_RIG = 1e-2
@@ -45,7 +61,7 @@ class StrengthHealth:
     Attributes
     ----------
     expected_error : float
-        Relative error of the strengths if the residuals of all pixels conspired [1].
+        Root-mean-square relative error of the strengths that regions of the image and the determinacy tell [1].
     determinacy : float
         Least share, over combinations of lights, of the information that is left when normals are unknown [1].
     eigenvalue_ratio : float
@@ -55,7 +71,7 @@ class StrengthHealth:
         Median over pixels of the robust residual over the pixel's brightest value, with the nominal strengths and with
         the estimated ones [1].
     residual_before, residual_after : float
-        Root mean square residual of plain least squares over all observations, relative to the values [1].
+        Root-mean-square residual of plain least squares over all observations, relative to the values [1].
     """
 
     expected_error: float
@@ -99,6 +115,20 @@ class StrengthEstimate:
         """The lights with the estimated strengths."""
         return self.capture.rig
 
+    @property
+    def departures(self) -> FloatArray:
+        """How much stronger each light is than nominal, beside the others: 0.1 for a tenth, shaped as `strengths` [1].
+
+        Their median is zero, so that a few wrong numbers among the nominal strengths do not make the others look wrong.
+        """
+        return np.asarray(self.strengths / np.median(self.strengths, axis=0) - 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    refined: Refined
+    health: StrengthHealth
+
 
 def estimate_strengths(
     capture: Capture,
@@ -106,6 +136,7 @@ def estimate_strengths(
     gray: str | Sequence[float] = "mean",
     prior: float = 0.0,
     valid_range: tuple[float, float] | None = None,
+    observation_mask: BoolArray | VerdictArray | None = None,
     worst_error: float = _WORST_ERROR,
     over: Map = map,
     progress: Progress = no_progress,
@@ -113,8 +144,8 @@ def estimate_strengths(
     """Estimate the strengths of lights whose directions are known.
 
     Not for flat objects, for lights that are all but one in a plane, or where interreflection or gloss rules
-    everywhere: the expected error tells, and beyond `worst_error` the method refuses. Where lamps were
-    measured, the measured strengths are better than these.
+    everywhere: the expected error tells, and beyond `worst_error` the method refuses. Where lamps were measured, the
+    measured strengths are better than these.
 
     Parameters
     ----------
@@ -127,7 +158,10 @@ def estimate_strengths(
         Weight of a tie of log strengths to the nominal ones, as a share of a light's own information; 0 for none,
         0.01 for lamps known to a few per cent [1].
     valid_range : (float, float), optional
-        Raw values, as shares of full scale, outside of which an observation is left out; see `estimate_normals`.
+        Raw values, as shares of full scale, outside of which an observation is left out; below 0.98 if absent and the
+        images have a full scale [1].
+    observation_mask : bool or uint8 array (m, h, w), optional
+        Observations that may take part, or verdicts; see :func:`psstereo.normals.estimate_normals`.
     worst_error : float
         Expected relative error beyond which to refuse [1].
     over : map-like
@@ -145,62 +179,99 @@ def estimate_strengths(
     RigError
         If there are fewer than four lights, or directions with which strengths cannot be told.
     InputError
-        If the images do not tell strengths: a flat object, or one that is nowhere near matte.
+        If the images do not tell strengths: a flat object, one that is nowhere near matte, or a light that reaches
+        next to nothing.
     OptionError
-        If the prior or the worst error is negative or not a number.
+        If the prior or the worst error is negative or not a number, or the gray value is unknown.
     UnsupportedError
         If a light is not distant.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from psstereo import Capture, MemoryStack, Rig, lambertian_images
+    >>> rng = np.random.default_rng(0)
+    >>> normals = rng.uniform([-0.5, -0.5, 1], [0.5, 0.5, 1], (20, 20, 3))
+    >>> normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    >>> directions = [[0, 0, 1], [1, 0, 2], [0, 1, 2], [-1, 0, 2], [0, -1, 2]]
+    >>> images = lambertian_images(normals, np.full((20, 20), 0.2), Rig.distant(directions, [1, 2, 1, 0.5, 0.5]))
+    >>> found = estimate_strengths(Capture(stack=MemoryStack(images), rig=Rig.distant(directions)))
+    >>> found.strengths.round(6).tolist()
+    [1.0, 2.0, 1.0, 0.5, 0.5]
     """
+    from threadpoolctl import threadpool_limits
+
     started = time.perf_counter()
     _check_options(prior, worst_error)
     directions = capture.rig.directions
     _require_tellable(capture.rig)
     grid = sample_grid(
-        capture, gray=gray, limit=_PIXELS, strengths=True, valid_range=valid_range, over=over, progress=progress
+        capture,
+        gray=gray,
+        limit=_PIXELS,
+        strengths=True,
+        valid_range=valid_range,
+        observation_mask=observation_mask,
+        over=over,
+        progress=progress,
     )
-    found = []
-    for k, values in enumerate(grid.values):
-        found.append(_estimate(values, directions, prior))
-        _require_told(found[-1][1], worst_error)
-        progress("estimating strengths", k + 1, len(grid.values))
-    factors = np.stack([refined.strengths for refined, _ in found], axis=1)
-    worst = max((health for _, health in found), key=lambda health: health.expected_error)
-    settled = all(refined.settled for refined, _ in found)
-    nominal = capture.rig.strengths(capture.stack.shape[3])
-    source = f"{capture.rig.source}, strengths from the images"
-    # factors are relative, and irradiances times relative factors are no irradiances any more
-    rig = Rig.distant(directions, nominal * factors, strength_unit=StrengthUnit.RELATIVE, source=source)
-    strengths = factors if grid.gray == PER_CHANNEL else factors[:, 0]
+    regions, told = _regions(grid), []
+    with threadpool_limits(1, user_api="blas"):  # or the last digits depend on the number of threads
+        for k, values in enumerate(grid.values):
+            _require_lit(values, capture.stack.names)
+            told.append(_estimate(values, directions, regions, prior))
+            _require_told(told[-1].health, worst_error)
+            progress("estimating strengths", k + 1, len(grid.values))
+    factors = np.stack([one.refined.strengths for one in told], axis=1)
+    health = max((one.health for one in told), key=lambda health: health.expected_error)
+    settled = all(one.refined.settled for one in told)
+    reason = _sentence(factors, health)
     return StrengthEstimate(
-        strengths=strengths,
-        capture=replace(capture, rig=rig),
-        health=worst,
-        rounds=max(refined.rounds for refined, _ in found),
+        strengths=factors if grid.gray == PER_CHANNEL else factors[:, 0],
+        capture=replace(capture, rig=_rig(capture, factors)),
+        health=health,
+        rounds=max(one.refined.rounds for one in told),
         outcome=Outcome.SOLVED if settled else Outcome.NOT_CONVERGED,
-        step=Step(
-            name="light strengths", done=True, reason=_sentence(factors, worst), seconds=time.perf_counter() - started
-        ),
+        step=Step(name="light strengths", done=True, reason=reason, seconds=time.perf_counter() - started),
     )
 
 
-def _estimate(values: FloatArray, directions: FloatArray, prior: float) -> tuple[Refined, StrengthHealth]:
+def _rig(capture: Capture, factors: FloatArray) -> Rig:
+    """Return the rig with factors (m, 1 or c) on its strengths, which are no irradiances any more."""
+    strengths = capture.rig.strengths(capture.stack.shape[3]) * factors
+    source = f"{capture.rig.source}, strengths from the images"
+    return Rig.distant(capture.rig.directions, strengths, strength_unit=StrengthUnit.RELATIVE, source=source)
+
+
+def _regions(grid: SampleGrid) -> IntArray:
+    """Return which of about equal parts of the image each pixel of the grid lies in, (p,)."""
+    rows, columns = np.nonzero(grid.mask)
+    count = len(rows)
+    band = np.arange(count) * _BANDS // count
+    region = np.zeros(count, np.intp)
+    region[np.lexsort((columns, band))] = np.arange(count) * _BANDS**2 // count
+    return region
+
+
+def _estimate(values: FloatArray, directions: FloatArray, regions: IntArray, prior: float) -> _Told:
     """Estimate the strengths of one channel from samples (m, p)."""
     usable = np.isfinite(values)
-    samples = SampleSet(np.where(usable, values, 0.0), usable, first_weights(values), directions)
+    samples = SampleSet(np.where(usable, values, 0.0), usable, first_lit(values), directions, regions)
+    ones = np.ones(len(values))
     closed, ratio = _closed(samples)
-    starts = [np.nanquantile(values, 0.9, axis=1)] + ([closed] if closed is not None else [])
+    starts = [one for one in (brightness(values), closed, ones) if one is not None]
     start = min(starts, key=lambda one: robust_spread(samples, one / one.mean(), rounds=1))
     refined = refine_strengths(samples, start, prior)
     health = StrengthHealth(
         expected_error=refined.expected_error,
         determinacy=refined.determinacy,
         eigenvalue_ratio=ratio,
-        spread_before=robust_spread(samples, np.ones(len(values))),
+        spread_before=robust_spread(samples, ones),
         spread_after=refined.spread,
-        residual_before=_plain_residual(samples, np.ones(len(values))),
+        residual_before=_plain_residual(samples, ones),
         residual_after=_plain_residual(samples, refined.strengths),
     )
-    return refined, health
+    return _Told(refined, health)
 
 
 def _closed(samples: SampleSet) -> tuple[FloatArray | None, float]:
@@ -218,13 +289,26 @@ def _plain_residual(samples: SampleSet, strengths: FloatArray) -> float:
     return float(np.sqrt((samples.usable * (corrected - fit.model) ** 2).sum()) / size)
 
 
+def _require_lit(values: FloatArray, names: tuple[str, ...]) -> None:
+    """Refuse images that show too little: of a light that reaches a few pixels only, nothing can be told."""
+    lit = (values > 0).sum(axis=1)
+    few = np.flatnonzero(lit < _LEAST_PIXELS)
+    if len(few):
+        raise InputError(
+            given=f"Only {lit[few[0]]} pixels that can be used are lit in the image {names[few[0]]}"
+            + (f", and {len(few) - 1} more images show as little." if len(few) > 1 else "."),
+            needed=f"Each light must reach {_LEAST_PIXELS} pixels of the sample, to be compared with the others.",
+            remedy="Leave such images out together with their lights, or widen the mask or the valid range.",
+        )
+
+
 def _check_options(prior: float, worst_error: float) -> None:
     for name, value in (("prior", prior), ("worst error", worst_error)):
         if not 0 <= value < np.inf:
             raise OptionError(
                 given=f"The {name} is {value}.",
                 needed="A number of at least 0 is needed.",
-                remedy="Use 0 for no prior, and 0.15 for the worst error.",
+                remedy=f"Use 0 for no prior, and {_WORST_ERROR:g} for the worst error.",
             )
 
 
@@ -235,15 +319,15 @@ def _require_tellable(rig: Rig) -> None:
         raise RigError(
             given=f"There are {len(rig)} lights.",
             needed="With unknown strengths four or more are needed, no three of them in one plane if they are four.",
-            remedy="Take more images, or measure the strengths with a white sphere or card.",
+            remedy="Take more images, keep the given strengths, or measure them with a white sphere or card.",
         )
     rig.require_spanning()
     looseness = _looseness(directions)
     if looseness < _LOOSE_RIG:
         raise RigError(
-            given=f"All light directions but a few that agree lie in one plane (measure {looseness:.2g}).",
-            needed=f"Strengths can be told from {_LOOSE_RIG:g} on: the lights must not be a plane and a line.",
-            remedy="Add lights off that plane, or measure the strengths with a white sphere or card.",
+            given=f"The light directions are all alike, or lie in one plane but for one (measure {looseness:.2g}).",
+            needed=f"Strengths can be told from {_LOOSE_RIG:g} on: other strengths would fit such lights as well.",
+            remedy="Add lights elsewhere, keep the given strengths, or measure them with a white sphere or card.",
         )
 
 
@@ -263,14 +347,12 @@ def _looseness(directions: FloatArray) -> float:
 def _require_told(health: StrengthHealth, worst_error: float) -> None:
     if health.expected_error <= worst_error:
         return
-    figures = (
-        f"determinacy {health.determinacy:.2g}, robust residual {100 * health.spread_after:.2g} %, "
-        f"eigenvalue ratio {health.eigenvalue_ratio:.2g}"
-    )
+    size = f"uncertain by {100 * health.expected_error:.2g} %" if np.isfinite(health.expected_error) else "open"
     raise InputError(
-        given=f"The images leave the strengths uncertain by {100 * health.expected_error:.3g} % ({figures}).",
-        needed=f"At most {100 * worst_error:g} % is accepted: normals in all directions and a surface near to matte.",
-        remedy="Use the nominal strengths, or measure them with a white sphere or card.",
+        given=f"The images leave the strengths {size} (determinacy {health.determinacy:.2g}, robust residual "
+        f"{100 * health.spread_after:.2g} %).",
+        needed=f"At most {100 * worst_error:g} % is accepted: normals in many directions and a surface near to matte.",
+        remedy="Keep the given strengths, or measure them with a white sphere or card.",
     )
 
 

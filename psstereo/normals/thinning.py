@@ -7,6 +7,8 @@ import numpy as np
 
 from psstereo.capture import Capture
 from psstereo.errors import InputError
+from psstereo.normals.observations import checked_mask, may_take_part
+from psstereo.normals.verdict import VerdictArray
 from psstereo.stack import Conversion, MemoryStore, PixelSet, gather, gray_weights
 from psstereo.stack.gather import sample_dtype
 from psstereo.types import BoolArray, FloatArray, Map, Progress, no_progress
@@ -46,6 +48,7 @@ def sample_grid(
     limit: int,
     strengths: bool,
     valid_range: tuple[float, float] | None = None,
+    observation_mask: BoolArray | VerdictArray | None = None,
     over: Map = map,
     progress: Progress = no_progress,
 ) -> SampleGrid:
@@ -64,6 +67,8 @@ def sample_grid(
     valid_range : (float, float), optional
         Raw values, as shares of full scale, outside of which an observation is left out; below 0.98 if absent and the
         images have a full scale.
+    observation_mask : bool or uint8 array (m, h, w), optional
+        Observations that may take part, or verdicts; see :func:`psstereo.normals.estimate_normals`.
     over : map-like
         Executes the images.
     progress : callable
@@ -77,14 +82,15 @@ def sample_grid(
     Raises
     ------
     InputError
-        If an image is black under the mask, or the valid range is empty.
+        If an image is black or saturated everywhere under the mask, or the valid range is empty, or the mask of
+        observations does not fit.
     """
     stack = capture.stack
     step = _step(capture.effective_mask, limit)
+    rows, columns = _first(capture.effective_mask, step)
     mask = np.zeros(capture.shape, np.bool_)
-    mask[::step, ::step] = capture.effective_mask[::step, ::step]
-    if not mask.any():  # a mask so thin that the grid misses it
-        mask, step = capture.effective_mask, 1
+    mask[rows::step, columns::step] = capture.effective_mask[rows::step, columns::step]
+    by_hand = checked_mask(observation_mask, stack.shape[:3])
     channels = gray_weights(gray, stack.shape[3])
     divisor = capture.rig.strengths(stack.shape[3]) if strengths else np.ones((len(stack), stack.shape[3]))
     conversion = Conversion(
@@ -98,11 +104,21 @@ def sample_grid(
         _require_light(gather(stack, pixels, conversion, store, over=over, progress=progress), stack.names)
         values = store.read(0, len(pixels)).astype(np.float64)
     values[~np.isfinite(values)] = np.nan
-    return SampleGrid(values, mask[::step, ::step], step, channels.name)
+    if by_hand is not None:
+        values[:, ~may_take_part(by_hand[:, pixels.indices])] = np.nan
+    return SampleGrid(values, mask[rows::step, columns::step], step, channels.name)
 
 
 def _step(mask: BoolArray, limit: int) -> int:
     return max(1, int(np.ceil(np.sqrt(np.count_nonzero(mask) / limit))))
+
+
+def _first(mask: BoolArray, step: int) -> tuple[int, int]:
+    """Return the first row and column of the grid: the corner, unless the mask is so thin that the grid misses it."""
+    rows, columns = np.nonzero(mask)
+    counts = np.bincount((rows % step) * step + columns % step, minlength=step * step)
+    best = 0 if 2 * counts[0] * step * step >= len(rows) else int(counts.argmax())
+    return best // step, best % step
 
 
 def _valid(capture: Capture, valid_range: tuple[float, float] | None) -> tuple[float, float] | None:
@@ -123,7 +139,7 @@ def _require_light(largest: FloatArray, names: tuple[str, ...]) -> None:
     unusable = [name for name, value in zip(names, largest, strict=True) if not value > 0]
     if unusable:
         raise InputError(
-            given=f"The image {unusable[0]} shows nothing under the mask"
+            given=f"The image {unusable[0]} shows nothing that can be used under the mask"
             + (f", and {len(unusable) - 1} more." if len(unusable) > 1 else "."),
             needed="What is unknown about a light can be told only from an image in which it reaches the object.",
             remedy="Leave such images out together with their lights, or check exposure and mask.",

@@ -17,6 +17,9 @@ from psstereo.types import Array, BoolArray, FloatArray, IntArray, Map, Progress
 
 __all__ = ["Conversion", "PixelSet", "gather", "sample_dtype"]
 
+_BELOW = 0.02
+"""Share of an image's largest sample by which one must be negative to count as below the dark level."""
+
 
 @dataclass(frozen=True, eq=False)
 class PixelSet:
@@ -92,6 +95,7 @@ def gather(
     conversion: Conversion,
     store: SampleStore,
     *,
+    below: FloatArray | None = None,
     over: Map = map,
     progress: Progress = no_progress,
 ) -> FloatArray:
@@ -107,6 +111,9 @@ def gather(
         How values become samples.
     store : SampleStore
         Takes k rows of p samples an image; NaN marks an observation outside the valid range.
+    below : float64 array (m,), optional
+        Filled with the share of each image's samples that lie below the dark level by more than noise would, by a
+        fiftieth of the image's largest sample [1]. Looked for only if given.
     over : map-like
         Executes the images; a thread pool's ``map`` pays, since decoders release the interpreter's lock.
     progress : callable
@@ -122,7 +129,7 @@ def gather(
     InputError, MissingFileError, UnreadableFileError
         If an image does not fit the others, is not there, or is damaged.
     """
-    job = _ImageJob(stack, pixels, conversion, store)
+    job = _ImageJob(stack, pixels, conversion, store, below)
     largest = np.zeros(len(stack))
     for index, value in enumerate(over(job, range(len(stack)))):
         largest[index] = value
@@ -138,6 +145,7 @@ class _ImageJob:
     pixels: PixelSet
     conversion: Conversion
     store: SampleStore
+    below: FloatArray | None = None
     scratch: Scratch = field(default_factory=Scratch)
 
     def __call__(self, index: int) -> float:
@@ -158,7 +166,10 @@ class _ImageJob:
             _drop_outside(frame, valid, factors, self.pixels.in_box, samples)
         if rows is None:
             self.store.write(index, samples)
-        return float(np.fmax.reduce(samples, axis=None))
+        largest = float(np.fmax.reduce(samples, axis=None))
+        if self.below is not None:
+            self.below[index] = np.count_nonzero(samples < -_BELOW * abs(largest)) / samples.size
+        return largest
 
     def _combine(self, frame: Array, factors: FloatArray) -> FloatArray:
         """Return (rows, columns, k) sums over the channels, float32, or float64 for float64 images."""

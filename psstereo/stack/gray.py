@@ -17,6 +17,8 @@ GRAY: dict[str, tuple[float, float, float]] = {
     "mean": (1 / 3, 1 / 3, 1 / 3),
     # ITU-R BT.601 luma with the digits that published baselines use.
     "bt601": (0.2989, 0.5870, 0.1140),
+    # ITU-R BT.709, the luminance of linear values with sRGB's primaries.
+    "bt709": (0.2126, 0.7152, 0.0722),
     "r": (1.0, 0.0, 0.0),
     "g": (0.0, 1.0, 0.0),
     "b": (0.0, 0.0, 1.0),

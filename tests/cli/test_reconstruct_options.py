@@ -199,7 +199,7 @@ def test_an_empty_folder_may_be_filled(run, folder, tmp_path):
         (("--integrator", "poison"), ("poison", "Did you mean poisson?")),
         (("--integrator", "poison", "--normals-only"), ("poison", "Did you mean poisson?")),
         (("--gate", "shadw"), ("shadw", "none, shadow, saturation, auto", "Did you mean shadow?")),
-        (("--gray", "bt602"), ("bt602", "mean, bt601, r, g, b, per-channel", "Did you mean bt601?")),
+        (("--gray", "bt602"), ("bt602", "mean, bt601, bt709, r, g, b, chroma", "Did you mean bt601?")),
         (("--gray", "1,2"), ("1.0, 2.0", "3 channels")),
         (("--gray", "1,x,2"), ("1,x,2",)),
         (("--gray", "0,0,0"), ("not all zero",)),

@@ -16,7 +16,7 @@ ORTHOGRAPHIC = Orthographic(pixel_size=0.25, length_unit="mm")
 PINHOLE = Pinhole(fx=300.0, fy=280.0, cx=20.0, cy=17.0, skew=4.0)
 
 
-@pytest.fixture(scope="module", params=sorted(INTEGRATORS))
+@pytest.fixture(scope="module", params=sorted(name for name, kind in INTEGRATORS.items() if kind.any_domain))
 def integrator(request):
     return INTEGRATORS[request.param]()
 
@@ -99,12 +99,16 @@ def test_a_plane_is_exact_in_central_projection(integrator, normal, masked):
 
 
 def test_a_sphere_is_exact_in_parallel_projection(integrator):
+    if not integrator.exact_on_spheres:
+        pytest.skip("its slopes are one-sided")
     truth, normals, inside = sphere_orthographic((40, 44), ORTHOGRAPHIC, 4.6, (5.2, -4.8))
     result = integrator.integrate(normals, ORTHOGRAPHIC, mask=inside)
     assert height_error(result.depth, truth) < 1e-9
 
 
 def test_a_sphere_is_exact_in_central_projection(integrator):
+    if not integrator.exact_on_spheres:
+        pytest.skip("its slopes are one-sided")
     truth, normals, inside = sphere_pinhole((40, 44), PINHOLE, 0.06, (0.004, -0.002, -1.0))
     assert inside.sum() > 700
     result = integrator.integrate(normals, PINHOLE, mask=inside)
@@ -256,7 +260,9 @@ class TestCommon:
         assert result.facts["components"] == 50 * 50
         first = mask & (result.components == 1)
         alone = integrator.integrate(smooth_normals(mask.shape), camera, mask=first)
-        np.testing.assert_allclose(alone.depth[first], result.depth[first], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            alone.depth[first], result.depth[first], rtol=integrator.round_off, atol=integrator.round_off
+        )
 
     def test_components_are_numbered_in_the_order_of_their_first_pixel(self, integrator, camera):
         mask = np.random.default_rng(1).random((40, 40)) < 0.5

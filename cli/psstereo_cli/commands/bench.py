@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from psstereo_cli.options import Json, Overwrite, Threads
+from psstereo_cli.suites.catalogue import SUITES, suite_named
 
 __all__ = ["bench"]
 
@@ -13,19 +14,16 @@ __all__ = ["bench"]
 def bench(
     suite: Annotated[
         str,
-        typer.Argument(
-            help="accuracy: error and time of the gates on scenes with known truth; reading: a folder of 16-bit images"
-            " against decoding its files alone, with the memory taken; forward: rendering against writing the images,"
-            " and against Mitsuba where it is installed; coverage: how often the true normal lies inside the 95 %"
-            " region, over noise, lights and shadows."
-        ),
+        typer.Argument(help="; ".join(f"{name}: {what}" for name, what in SUITES.items()) + "."),
     ] = "accuracy",
     repeats: Annotated[int, typer.Option(min=1, max=100, help="Rounds; medians are reported.")] = 5,
     size: Annotated[
         str | None,
-        typer.Option(help="Size of the images, WIDTHxHEIGHT; 256x256 for accuracy, 64x64 for coverage, else 612x512."),
+        typer.Option(help="Size of the images, WIDTHxHEIGHT; that of the suite if not given."),
     ] = None,
-    lights: Annotated[int, typer.Option(min=3, max=500, help="Images of the suites reading and forward.")] = 96,
+    lights: Annotated[
+        int, typer.Option(min=3, max=500, help="Images of the suites reading, forward and solvers.")
+    ] = 96,
     threads: Threads = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="File for the records, one JSON object a line.")
@@ -38,15 +36,10 @@ def bench(
     Example: `psstereo bench reading --repeats 7`
     """
     from psstereo.bench import summarise, write_records
-    from psstereo.catalogue import choose
     from psstereo_cli.console import print_json, progress_bars
     from psstereo_cli.execution import available_threads, threaded
-    from psstereo_cli.suites.accuracy import accuracy
-    from psstereo_cli.suites.coverage import coverage
-    from psstereo_cli.suites.forward import forward
-    from psstereo_cli.suites.reading import reading
 
-    run = choose({"accuracy": accuracy, "reading": reading, "forward": forward, "coverage": coverage}, suite, "suite")
+    run = suite_named(suite)
     if out is not None:
         _require_place(out, overwrite=overwrite)
     count = threads or available_threads()

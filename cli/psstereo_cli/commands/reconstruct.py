@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from psstereo_cli.options import Format, Json, Lights, LightsLayout, Mask, Overwrite, Threads
+from psstereo_cli.options import Format, Json, LightsLayout, Mask, Overwrite, Threads
 
 if TYPE_CHECKING:
     from psstereo.capture import Capture
     from psstereo.normals import NormalSolver
+    from psstereo.normals.light_choice import LightChoice
+    from psstereo.normals.strength_choice import StrengthChoice
     from psstereo.pipeline import Options, Reconstruction
 
 __all__ = ["reconstruct", "run_and_save"]
@@ -19,12 +21,45 @@ def reconstruct(
     folder: Annotated[Path, typer.Argument(help="Folder with the photographs and a file that says where lights were.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the result.")],
     layout: Format = None,
-    lights: Lights = None,
+    lights: Annotated[
+        str | None,
+        typer.Option(
+            help="File of light directions to use instead of the folder's own (text, .lp, .npy, .mat); or refine: the"
+            " folder's own, refined from the images; or unknown: found from the images alone."
+        ),
+    ] = None,
     lights_layout: LightsLayout = None,
+    ambiguity: Annotated[
+        str | None,
+        typer.Option(
+            help="What tells unknown lights apart: maxima (places brightest because they face a light), entropy (few"
+            " colours), or strengths (those given are true, equal if none are); maxima if not given."
+        ),
+    ] = None,
+    relief: Annotated[
+        str | None,
+        typer.Option(
+            help="Under unknown lights a relief and its inverse look the same: convex or concave; convex if not given."
+        ),
+    ] = None,
+    light_doubt: Annotated[
+        float | None, typer.Option(help="How far lights to be refined may be off, in degrees; 3 if not given.")
+    ] = None,
     mask: Mask = None,
     gray: Annotated[
-        str, typer.Option(help="mean, bt601, r, g, b, weights such as 0.3,0.6,0.1, or per-channel (coloured albedo).")
+        str,
+        typer.Option(
+            help="mean, bt601, bt709, r, g, b, or weights such as 0.3,0.6,0.1; chroma (least noise for each pixel's"
+            " colour), specular-free (coloured objects, without highlights), or per-channel (coloured albedo)."
+        ),
     ] = "mean",
+    ambient: Annotated[
+        Path | None,
+        typer.Option(
+            help="Photograph without any of the lights, to subtract; `.npy` holds linear pixel values. Without one,"
+            " `--solver ambient` finds the level of each pixel."
+        ),
+    ] = None,
     clip: Annotated[
         float | None, typer.Option(help="Upper bound for brightness over light strength; published baselines use 1.")
     ] = None,
@@ -42,6 +77,13 @@ def reconstruct(
         list[str] | None,
         typer.Option(help="Option of the solver, KEY=VALUE, as often as needed; `psstereo solvers NAME` lists them."),
     ] = None,
+    strengths: Annotated[
+        str,
+        typer.Option(
+            help="Strengths of the lights: given, checked (given, and compared with what the images tell), equal, or"
+            " unknown (found from the images)."
+        ),
+    ] = "given",
     verdicts: Annotated[
         bool,
         typer.Option(
@@ -76,6 +118,10 @@ def reconstruct(
 
     With a method and its options: `psstereo reconstruct photos -o result --solver least-squares --option gate=none`
 
+    With lamps or exposures of unknown strength: `psstereo reconstruct photos -o result --strengths unknown`
+
+    Without knowing where the lights were: `psstereo reconstruct photos -o result --lights unknown`
+
     Look at what was left out, paint in it, and use that: `psstereo reconstruct photos -o first --verdicts`, then
     `psstereo reconstruct photos -o second --observation-mask first/verdicts`
     """
@@ -92,15 +138,24 @@ def reconstruct(
     memory = parse_size(max_memory)
     # Every thread needs room of its own; where that is short, two are enough unless more are asked for.
     count = threads or (available_threads() if memory is None else min(2, available_threads()))
+    choice, lights_file = _lights(lights, ambiguity, relief, light_doubt)
     options = _options(gray, clip, gate, valid_range, integrator, memory, count, normals_only=normals_only)
-    options = replace(options, solver=_solver(solver, option or [], gate), verdicts=verdicts)
+    options = replace(
+        options,
+        solver=_solver(solver, option or [], gate),
+        strengths=_strengths(strengths),
+        verdicts=verdicts,
+        lights=choice,
+    )
     with threaded(count) as over, progress_bars() as progress:
         capture, _ = load_capture(
             folder,
             layout=layout,
-            lights=lights,
+            lights=lights_file,
+            unknown_lights=lights == "unknown" and ambiguity != "strengths",
             lights_layout=lights_layout,
             mask=mask,
+            ambient=ambient,
             truth=False,
             over=over,
             progress=progress,
@@ -112,6 +167,38 @@ def reconstruct(
             capture, options, out, command="reconstruct", overwrite=overwrite, over=over, progress=progress
         )
     _tell(out, record, result, as_json=as_json)
+
+
+def _strengths(name: str) -> "StrengthChoice":
+    """Look up whose strengths are wanted."""
+    from psstereo.catalogue import choose
+    from psstereo.normals.strength_choice import StrengthChoice
+
+    return choose({one.value: one for one in StrengthChoice}, name, "choice of strengths")
+
+
+def _lights(
+    lights: str | None, ambiguity: str | None, relief: str | None, doubt: float | None
+) -> "tuple[LightChoice, Path | None]":
+    """Return whose lights are wanted and the file that was named; an unknown name is told before any image is read."""
+    from math import radians
+
+    from psstereo.normals.light_choice import LightChoice, LightSource
+    from psstereo.normals.refine_lights import RefineOptions
+    from psstereo.normals.uncalibrated import UncalibratedOptions
+
+    named = lights in (LightSource.REFINED.value, LightSource.UNKNOWN.value)
+    choice = LightChoice(
+        source=LightSource(lights) if named else LightSource.GIVEN,
+        ambiguity=ambiguity,
+        relief=relief,
+        doubt=None if doubt is None else radians(doubt),
+    )
+    words: Any = {"ambiguity": ambiguity, "relief": relief}
+    UncalibratedOptions(**{name: word for name, word in words.items() if word is not None})
+    if choice.doubt is not None:
+        RefineOptions(doubt=choice.doubt)
+    return choice, None if lights is None or named else Path(lights)
 
 
 def _solver(name: str | None, words: list[str], gate: str | None) -> "NormalSolver[Any] | None":
@@ -163,7 +250,7 @@ def _options(
     from psstereo.errors import OptionError
     from psstereo.normals import GATES
     from psstereo.pipeline import Options
-    from psstereo.stack.gray import GRAY, PER_CHANNEL
+    from psstereo.stack import COLOUR_CHOICES
     from psstereo_cli.execution import parse_floats
 
     if clip is not None and not clip > 0:
@@ -171,7 +258,7 @@ def _options(
             given=f"The clip is {clip:g}.", needed="A number above zero.", remedy="Published baselines use 1."
         )
     if "," not in gray:
-        choose({**GRAY, PER_CHANNEL: None}, gray, "gray value")
+        choose(dict.fromkeys(COLOUR_CHOICES), gray, "gray value")
     method = choose(INTEGRATORS, integrator, "integrator")
     low_high = None if valid_range is None else parse_floats(valid_range, 2, "valid range")
     return Options(
@@ -246,15 +333,40 @@ def _tell(out: Path, record: dict[str, Any], result: "Reconstruction", *, as_jso
 def _figures(record: dict[str, Any]) -> list[tuple[str, ...]]:
     normals, depth = record["normals"], record["depth"]
     spread = normals["median_uncertainty_deg"]
+    told = normals.get("light_strengths")
     rows: list[tuple[str, ...]] = [
         ("normals", normals["outcome_text"]),
         ("albedo", normals["albedo"]),
         ("expected error", "cannot be told: no redundant light" if spread is None else f"{spread:.3g}° (median)"),
         *((f"flag {name}", f"{count} pixels") for name, count in normals["flags"].items() if name != "OUTSIDE_MASK"),
     ]
+    if told is not None:
+        limits = min(_flat(told["factors"])), max(_flat(told["factors"]))
+        expected = f"expected error {100 * told['expected_error']:.2g} %"
+        rows.append(("strengths told by the images", f"{limits[0]:.3g} to {limits[1]:.3g} times nominal, {expected}"))
+    rows.extend(_light_rows(normals))
     if depth is not None:
         low, high = depth["range"]
         rows.append(
             ("depth", f"{depth['kind']} [{depth['unit']}] from {low:.4g} to {high:.4g}. {depth['outcome_text']}")
         )
     return rows
+
+
+def _flat(numbers: list[Any]) -> list[float]:
+    """Return the numbers of a list, or of lists in it, one after the other."""
+    return [each for one in numbers for each in (one if isinstance(one, list) else [one])]
+
+
+def _light_rows(normals: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Say how far to trust lights that come from the images."""
+    refined, found = normals.get("lights_refined"), normals.get("lights_found")
+    if refined is not None:
+        done = "moved" if refined["changed"] else "left as they were"
+        said = f"{refined['disagreement_deg']:.2g}° off, expected {refined['expected_error_deg']:.2g}°"
+        return [("refined lights", f"{done}: the given ones are {said}")]
+    if found is None:
+        return []
+    shape = f"{found['relief']} (clearness {abs(found['outwardness']):.2g}; the inverse shows the same images)"
+    stands = f"surface basis stands out by {found['integrability_ratio']:.2g}, resolved by {found['ambiguity']}"
+    return [("unknown lights", stands), ("relief", shape)]

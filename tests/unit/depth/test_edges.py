@@ -4,7 +4,8 @@ import pytest
 from psstereo.camera import Orthographic, Pinhole
 from psstereo.depth.domain import make_domain
 from psstereo.depth.edges import components_of, edge_steps
-from psstereo.depth.poisson import Poisson, edge_laplacian
+from psstereo.depth.laplacian import edge_laplacian
+from psstereo.depth.poisson import Poisson
 from psstereo.errors import OptionError
 
 PINHOLE = Pinhole(fx=100.0, fy=100.0, cx=4.0, cy=3.0)

@@ -7,8 +7,8 @@ from scipy.sparse.csgraph import connected_components
 from psstereo.camera import Orthographic
 from psstereo.depth.domain import make_domain
 from psstereo.depth.edges import edge_steps
+from psstereo.depth.laplacian import edge_laplacian
 from psstereo.depth.multigrid import make_hierarchy, v_cycle
-from psstereo.depth.poisson import edge_laplacian
 
 
 @pytest.fixture

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from psstereo.kernels.robust import robust_fit, weight
+from psstereo.kernels.robust import robust_fit
 from psstereo.kernels.robust_compiled import robust_fit as compiled
+from psstereo.kernels.robust_losses import weight
 from psstereo.kernels.robust_settings import ADAPTIVE, CONSISTENCY, LOSSES, MAD, QUARTILE, Kind, Settings
 from psstereo.lights import Rig
 from psstereo.normals.robust import Robust, _neighbours

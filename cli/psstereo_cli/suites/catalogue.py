@@ -1,0 +1,44 @@
+"""Every suite of the benchmark, by name."""
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+__all__ = ["SUITES", "suite_named"]
+
+SUITES = {
+    "accuracy": "error and time of the gates on scenes with known truth",
+    "solvers": "error and time of every solver, matte, with noise and with highlights",
+    "lights": "error of every solver under 4 to 96 lights",
+    "coverage": "how often the true normal lies inside the 95 % region, over noise, lights and shadows",
+    "reading": "a folder of 16-bit images against decoding its files alone, with the memory taken",
+    "matching": "error over numbers of lights, and error and time against OpenCV's StereoSGBM",
+    "forward": "rendering against writing the images, and against Mitsuba where it is installed",
+}
+"""What each measures; the module and the function of a suite have its name."""
+
+
+def suite_named(name: str) -> Callable[..., Any]:
+    """Return the function that runs a suite.
+
+    Parameters
+    ----------
+    name : str
+        One of `SUITES`.
+
+    Returns
+    -------
+    callable
+        Takes rounds, size, lights, threads, a map and a callback for progress; returns records, the baseline's name,
+        and what else is to be printed.
+
+    Raises
+    ------
+    OptionError
+        If it is unknown; with the known ones.
+    """
+    from psstereo.catalogue import choose
+
+    choose(SUITES, name, "suite")
+    run: Callable[..., Any] = getattr(importlib.import_module(f"psstereo_cli.suites.{name}"), name)
+    return run
