@@ -175,6 +175,8 @@ def _borders(up: FloatArray, side: FloatArray, azimuth: FloatArray, height: int,
     meridians = 2.0 * np.pi / width * np.arange(width) - np.pi - azimuth
     meridians -= 2.0 * np.pi * np.floor((meridians + np.pi) / (2.0 * np.pi))
     end = np.full_like(azimuth, np.pi)
-    u = np.concatenate([-end, np.clip(meridians, -np.pi, np.pi), reach, -reach, end], axis=1)
+    # The lowest point parts a piece whose ends lie on the same circle, so that one end tells its row.
+    lowest = np.zeros_like(azimuth)
+    u = np.concatenate([-end, lowest, np.clip(meridians, -np.pi, np.pi), reach, -reach, end], axis=1)
     u.sort(axis=1)
     return u

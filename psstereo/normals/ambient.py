@@ -7,7 +7,7 @@ import numpy as np
 
 from psstereo.errors import OptionError, RigError
 from psstereo.flags import Flag, fatal_mask
-from psstereo.kernels.robust import weight_slope
+from psstereo.kernels.robust_losses import weight_slope
 from psstereo.kernels.robust_settings import LOSSES
 from psstereo.lights import Rig
 from psstereo.normals.ambient_fit import LevelFactor, LevelFit, fit_all_lit, fit_level, reweighted

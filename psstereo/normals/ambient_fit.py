@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from psstereo.kernels.robust import weight
+from psstereo.kernels.robust_losses import weight
 from psstereo.kernels.robust_settings import MAD
 from psstereo.lights import Rig
 from psstereo.normals.moments import Factor, cholesky, solve_cholesky

@@ -155,6 +155,7 @@ def test_the_record_says_what_was_done(run, folder, tmp_path):
     assert {step["name"]: step["done"] for step in record["steps"]} == {
         "linearisation": False,
         "dark level": False,
+        "light strengths": False,
         "reading": True,
         "saturation gate": True,
         "shadow gate": True,

@@ -306,8 +306,10 @@ def test_turning_rig_and_surface_turns_the_normals(method, seed, turn, tip):
         estimate_normals(Capture(stack=MemoryStack(noisy[:, None]), rig=Rig.distant(turned)), method())
         for turned in (directions, directions @ rotation.T)
     )
-    np.testing.assert_allclose(second.normals, first.normals @ rotation.T, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(second.uncertainty, first.uncertainty, rtol=1e-8)
+    # Reflectance that depends on the eye is fitted by steps, which end where they gain nothing any more.
+    ends, rounding = (1e-6, 1e-9) if method.sees_the_eye else (1e-11, 1e-14)
+    np.testing.assert_allclose(second.normals, first.normals @ rotation.T, rtol=0, atol=ends)
+    np.testing.assert_allclose(second.uncertainty, first.uncertainty, rtol=1e3 * ends, atol=rounding)
 
 
 def least_memory(capture, values, workers=1):
@@ -407,7 +409,7 @@ def test_every_type_of_pixel(method, dtype, step):
     worst = np.array([np.linalg.norm(np.linalg.pinv(rows[u])[:3], 2) * np.sqrt(u.sum()) for u in used.T])
     off = worst * step / 2 + 8 * 2.0**-24 * (step > 1e-15)
     length = truth.albedo * 1000 / np.pi / capture.radiance_at_white
-    bound = np.arcsin(np.minimum(off / length[capture.mask], 1.0)) + (1e-12 if flexible(method) else 4e-15)
+    bound = np.arcsin(np.minimum(off / length[capture.mask], 1.0)) + (1e-11 if flexible(method) else 4e-15)
     error = angle(result.normals.astype(float), truth.normals)[capture.mask]
     assert (error <= bound).all()
     assert result.normals.dtype == result.albedo.dtype == (np.float64 if dtype is np.float64 else np.float32)

@@ -3,7 +3,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
@@ -140,6 +140,7 @@ def test_sums_over_pieces_of_pixels_tend_to_it(shape):
     np.testing.assert_allclose(orders, 2.0, rtol=0, atol=0.6)
 
 
+@example(6, 4, 0, (0.5, 0.5, 0.75))  # the horizon's lowest point lies between two meridians, just past a circle
 @given(
     st.integers(2, 9), st.integers(4, 15), st.integers(0, 99),
     st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 1e-3),
