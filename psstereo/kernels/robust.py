@@ -119,6 +119,7 @@ class _Pixels:
         g = usable.astype(np.float64) if weights is None else np.where(usable, weights, 0.0)
         self.g = g / np.maximum(g.max(axis=0), 1e-300)
         self.q, self.r_inverse, self.neighbours, self.s = q, r_inverse, neighbours, settings
+        self.broken = np.zeros(len(self.brightest), np.bool_)  # too little was left of them
 
     def solve(self, verdicts: bool) -> RobustFit:
         """Go through the steps of the module's description."""
@@ -204,6 +205,7 @@ class _Pixels:
             lit = lit if k >= self.s.rounds else part._lit(x[:, active], lit)
             w = weight(loss, r / (tuning * scale[active])) * lit
             new, ok = _solve(*part._moments(w, part.y))
+            self.broken[active[~ok]] = True
             active, new, r, w = active[ok], new[:, ok], r[:, ok], w[:, ok]
             if not frozen:
                 square = (w * r * r).sum(axis=0) / np.maximum(w.sum(axis=0), 1e-30)
@@ -227,7 +229,9 @@ class _Pixels:
         by_median = np.maximum(self._by_quantile(x, self.g, 0.5, 12) * MAD, floor)
         doubtful = todo & (by_median > self.s.small * high)
         calm, wide = x.copy(), by_median * self._few(x)
+        broken = self.broken.copy()
         self._iterate(doubtful, _TUKEY, LOSSES["tukey"], self.g, calm, wide, floor, ~todo, frozen=True)
+        self.broken = broken  # a trial that fails shows itself by its residuals
         calm_median = np.maximum(self._by_quantile(calm, self.g, 0.5, 12) * MAD, floor) * self._few(calm)
         uneven = doubtful & self._structured(calm, calm_median)
         by_quartile = self._by_quantile(x, self.g, 0.25, 12) * QUARTILE
@@ -291,6 +295,7 @@ class _Pixels:
             rough = (loss == 0) | ~(mean > 0)
             variance = np.where(rough, np.pi / 2 * scale**2, variance)
             variance = np.maximum(variance, self._doubt(x, lit, scale)) * self.brightest**2
+        fine &= ~self.broken
         found = np.where(ok & fine, kind, np.where(ok & (kind == Kind.PLAIN), Kind.PLAIN, Kind.UNSOLVED))
         ok &= fine & (kind != Kind.PLAIN)
         judged: Array = np.zeros((0, 0), np.uint8)

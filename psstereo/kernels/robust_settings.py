@@ -38,7 +38,7 @@ MAD = 1.4826022185056018
 """Standard deviation over the median of the absolute value, of Gaussian noise [1]."""
 QUARTILE = 3.138344200661294
 """Standard deviation over the quartile of the absolute value, of Gaussian noise [1]."""
-MORE = 5
+MORE = 60
 """Rounds at most, in multiples of the setting; after the first multiple the lit set and the scale are held [1]."""
 FEW = 48
 """Lit observations below which an agreement may be chance [1]."""

@@ -87,7 +87,7 @@ class Robust(NormalSolver[RobustState]):
     tuning : float or None
         Where the loss turns, in scales; the usual constant of the loss if absent [1].
     rounds : int
-        Rounds of each stage; where they do not settle, four times as many with the lit set and the scale held.
+        Rounds of each stage; where they do not settle, many times as many with the lit set and the scale held.
 
     References
     ----------

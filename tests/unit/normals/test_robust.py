@@ -106,10 +106,11 @@ def test_compiled_code_is_loaded_for_much_work_only():
     assert Robust().prepare(rig, 200_000).fit.__module__ == "psstereo.kernels.robust_compiled"
 
 
-def test_rounds_that_do_not_suffice_are_flagged():
+def test_rounds_that_do_not_suffice_are_flagged(monkeypatch):
     capture, _ = shiny(noise=0.01)
+    monkeypatch.setattr(reference, "MORE", 1)
     flags = estimate_normals(capture, Robust(loss="l1", rounds=1)).flags[capture.mask]
-    assert ((flags & Flag.NOT_CONVERGED) != 0).mean() > 0.3
+    assert ((flags & Flag.NOT_CONVERGED) != 0).mean() > 0.9
     flags = estimate_normals(capture, Robust(loss="l1", rounds=100)).flags[capture.mask]
     assert ((flags & Flag.NOT_CONVERGED) != 0).mean() < 0.01
 
