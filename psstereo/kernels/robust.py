@@ -119,7 +119,7 @@ class _Pixels:
         g = usable.astype(np.float64) if weights is None else np.where(usable, weights, 0.0)
         self.g = g / np.maximum(g.max(axis=0), 1e-300)
         self.q, self.r_inverse, self.neighbours, self.s = q, r_inverse, neighbours, settings
-        self.broken = np.zeros(len(self.brightest), np.bool_)  # too little was left of them
+        self.broken = np.zeros(len(self.brightest), np.bool_)  # too little was left of them, or they do not settle
 
     def solve(self, verdicts: bool) -> RobustFit:
         """Go through the steps of the module's description."""
@@ -142,20 +142,19 @@ class _Pixels:
         ok |= plain
         gate, loss, factor = g.copy(), np.full(len(mass), first), np.full(len(mass), tuning)
         kind = np.where(plain, Kind.PLAIN, Kind.PILED_UP if adaptive else Kind.WHITE)
-        settled = np.zeros(len(mass), np.bool_)
         todo = ok & ~plain
-        self._iterate(todo, first, tuning, gate, x, scale, floor, settled, frozen=s.scale > 0)
+        self._iterate(todo, first, tuning, gate, x, scale, floor, frozen=s.scale > 0)
         if adaptive:
             found, by_median = self._tell(todo, x, scale, floor, high)
             kind = np.where(plain, kind, found)
             white, structured = todo & (kind == Kind.WHITE), todo & (kind == Kind.STRUCTURED)
             loss, factor = np.where(white, _TUKEY, loss), np.where(white, LOSSES["tukey"], factor)
             scale[white] = (given if s.scale > 0 else by_median)[white]
-            self._iterate(white, _TUKEY, LOSSES["tukey"], gate, x, scale, floor, settled, frozen=True)
+            self._iterate(white, _TUKEY, LOSSES["tukey"], gate, x, scale, floor, frozen=True)
             gate = np.where(structured, self._middle(mass), gate)
             scale[structured] = by_median[structured]
-            self._iterate(structured, first, tuning, gate, x, scale, floor, settled, frozen=s.scale > 0)
-        return self._result(ok, x, gate, scale, loss, factor, kind, settled, verdicts)
+            self._iterate(structured, first, tuning, gate, x, scale, floor, frozen=s.scale > 0)
+        return self._result(ok, x, gate, scale, loss, factor, kind, verdicts)
 
     def _start(self, gate: FloatArray) -> tuple[FloatArray, BoolArray]:
         x, ok = _solve(*self._moments(gate, self.y))
@@ -186,13 +185,12 @@ class _Pixels:
         x: FloatArray,
         scale: FloatArray,
         floor: FloatArray,
-        settled: BoolArray,
         *,
         frozen: bool,
     ) -> None:
         """Run rounds at some pixels, in place; each stops on its own."""
         active = np.flatnonzero(todo)
-        settled[active] = False
+        self.broken[active] = False
         held = gate
         for k in range(MORE * self.s.rounds):
             if len(active) == 0:
@@ -213,8 +211,8 @@ class _Pixels:
             step = ((new - x[:, active]) ** 2).sum(axis=0)
             x[:, active] = new
             done = step <= self.s.tolerance**2 * (new * new).sum(axis=0)
-            settled[active] = done
             active = active[~done]
+        self.broken[active] = True
 
     def _some(self, pixels: IntArray) -> "_Pixels":
         part = object.__new__(_Pixels)
@@ -230,7 +228,7 @@ class _Pixels:
         doubtful = todo & (by_median > self.s.small * high)
         calm, wide = x.copy(), by_median * self._few(x)
         broken = self.broken.copy()
-        self._iterate(doubtful, _TUKEY, LOSSES["tukey"], self.g, calm, wide, floor, ~todo, frozen=True)
+        self._iterate(doubtful, _TUKEY, LOSSES["tukey"], self.g, calm, wide, floor, frozen=True)
         self.broken = broken  # a trial that fails shows itself by its residuals
         calm_median = np.maximum(self._by_quantile(calm, self.g, 0.5, 12) * MAD, floor) * self._few(calm)
         uneven = doubtful & self._structured(calm, calm_median)
@@ -273,7 +271,6 @@ class _Pixels:
         loss: IntArray,
         factor: FloatArray,
         kind: IntArray,
-        settled: BoolArray,
         verdicts: bool,
     ) -> RobustFit:
         """Polish, and tell how sure it is."""
@@ -310,7 +307,6 @@ class _Pixels:
             looked_at=np.where(ok, looked, 0),
             usable=self.usable,
             kind=found,
-            converged=ok & settled,
             verdicts=judged,
         )
 

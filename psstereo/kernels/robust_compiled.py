@@ -111,7 +111,7 @@ def _round_any(loss, y, g, q, x, dark, inverse, work, o):
 
 @_plain
 def _iterate(loss, tuning, scale, frozen, floor, y, g, q, r_inverse, x, settings, rounds, work, o):
-    """Run rounds of one loss from x; return the scale and 1 if they settled, −1 if too little was left."""
+    """Run rounds of one loss from x; return the scale and whether they settled."""
     gate, cut = g, settings.dark
     for k in range(_MORE * rounds):
         if k == rounds:
@@ -130,13 +130,13 @@ def _iterate(loss, tuning, scale, frozen, floor, y, g, q, r_inverse, x, settings
         x[0], x[1], x[2] = 0.0, 0.0, 0.0
         if not _solve(o, x, x):
             x[0], x[1], x[2] = before0, before1, before2
-            return scale, -1
+            return scale, False
         if not frozen:
             scale = max(F(math.sqrt(square / _CONSISTENCY[loss])), floor)
         step = (x[0] - before0) ** 2 + (x[1] - before1) ** 2 + (x[2] - before2) ** 2
         if step <= settings.tolerance**2 * (x[0] ** 2 + x[1] ** 2 + x[2] ** 2):
-            return scale, 1
-    return scale, 0
+            return scale, True
+    return scale, False
 
 
 @_plain
@@ -291,7 +291,7 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, exact, x_out, m
         usable = sort_out(rows[j % _TOGETHER], heavy[j % _TOGETHER], y64, g64)
         brightest = largest(y64)
         counts[0, j], counts[1, j], counts[2, j], counts[3, j] = 0, 0, _UNSOLVED, usable
-        facts[0, j], facts[1, j], facts[2, j] = np.nan, np.nan, 0.0
+        facts[0, j], facts[1, j] = np.nan, np.nan
         x_out[j, 0], x_out[j, 1], x_out[j, 2] = np.nan, np.nan, np.nan
         if verdicts.size:
             for i in range(m):
@@ -322,7 +322,7 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, exact, x_out, m
                     loss, tuning, scale, keep, floor, y, gate, q32, r_inverse, x, s, s.rounds, work, o
                 )
         inverse = _ONE / F(tuning * scale)
-        if settled < 0 or not _polish(y64, y, gate, q64, q32, r_inverse, s, loss, inverse, exact, work, o64, x):
+        if not settled or not _polish(y64, y, gate, q64, q32, r_inverse, s, loss, inverse, exact, work, o64, x):
             continue
         moments(y, work[2], q32, o)
         for k in range(6):
@@ -334,7 +334,7 @@ def _pixels(values, weights, q64, q32, r_inverse, neighbours, s, exact, x_out, m
         if 3 < looked < FEW:
             variance = max(variance, _doubt(y, q32, scale, looked, x, calm, work, o))
         facts[0, j] = variance * brightest * brightest
-        facts[1, j], facts[2, j] = scale * brightest, 1.0 if settled > 0 else 0.0
+        facts[1, j] = scale * brightest
         counts[0, j], counts[1, j], counts[2, j] = int(used), int(looked), kind if adaptive else _WHITE
         for k in range(3):
             x_out[j, k] = x[k] * brightest
@@ -351,7 +351,7 @@ def robust_fit(
 ) -> RobustFit:
     """Solve some pixels; see :func:`psstereo.kernels.robust.robust_fit`."""
     m, p = values.shape
-    x, matrix, facts = np.zeros((p, 3)), np.zeros((p, 6)), np.zeros((3, p))
+    x, matrix, facts = np.zeros((p, 3)), np.zeros((p, 6)), np.zeros((2, p))
     counts = np.zeros((4, p), np.int64)
     judged: Array = np.zeros((m, p) if verdicts else (0, 0), np.uint8)
     heavy = np.zeros((0, 0)) if weights is None else np.asarray(weights, np.float64)
@@ -359,4 +359,4 @@ def robust_fit(
     fine = values.dtype == np.float64  # then a second step of correction is worth its while
     single = rows.astype(np.float32)
     _pixels(values, heavy, rows, single, r_inverse, neighbours, settings, fine, x, matrix, facts, counts, judged)
-    return RobustFit(x, matrix, facts[0], facts[1], counts[0], counts[1], counts[3], counts[2], facts[2] > 0, judged)
+    return RobustFit(x, matrix, facts[0], facts[1], counts[0], counts[1], counts[3], counts[2], judged)

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from psstereo.types import Array, BoolArray, FloatArray, IntArray
+from psstereo.types import Array, FloatArray, IntArray
 
 __all__ = [
     "ADAPTIVE",
@@ -67,7 +67,7 @@ class Kind:
     PLAIN = 3
     """Too few lit observations for a robust step; left to least squares."""
     UNSOLVED = 4
-    """The observations of middle brightness do not span space; left to least squares."""
+    """The observations that agree do not tell a normal, or the rounds do not settle; left to least squares."""
 
 
 class Settings(NamedTuple):
@@ -112,8 +112,6 @@ class RobustFit(NamedTuple):
         Observations that could take part.
     kind : int64 array (p,)
         One of :class:`Kind`.
-    converged : bool array (p,)
-        Whether the last rounds moved the normal by less than the tolerance.
     verdicts : uint8 array (m, p), or (0, 0) if not asked for
         See :class:`psstereo.verdict.Verdict`.
     """
@@ -126,5 +124,4 @@ class RobustFit(NamedTuple):
     looked_at: IntArray
     usable: IntArray
     kind: IntArray
-    converged: BoolArray
     verdicts: Array

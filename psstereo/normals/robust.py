@@ -73,7 +73,7 @@ class Robust(NormalSolver[RobustState]):
     told which observations are lit), a matte surface with highlights or cast shadows (Geman–McClure's, which finds the
     majority), and a surface that is not matte (Geman–McClure's over the middle ranks of brightness, where it is
     nearest to matte). Not where most observations of a pixel disagree with Lambert's law, as on metal; and with fewer
-    than six lit lights a pixel gets plain least squares.
+    than six lit lights a pixel gets plain least squares, as it does where the rounds do not settle.
 
     Attributes
     ----------
@@ -197,7 +197,6 @@ def _neighbours(directions: FloatArray) -> IntArray:
 def _flags(fit: RobustFit, samples: Samples) -> FlagArray:
     flags = np.zeros(len(fit.usable), np.uint16)
     marks = (
-        (~fit.converged, Flag.NOT_CONVERGED),
         (fit.usable < len(samples.values), Flag.UNUSABLE_SAMPLE),
         (fit.looked_at < fit.usable, Flag.SHADOWED),
     )

@@ -55,7 +55,10 @@ def test_accuracy_for_a_person(run, names):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (("acuracy",), ("acuracy", "accuracy, solvers, lights, coverage, reading, matching, forward", "Did you mean accuracy?")),
+        (
+            ("acuracy",),
+            ("acuracy", "accuracy, solvers, lights, coverage, reading, matching, forward", "Did you mean accuracy?"),
+        ),
         (("accuracy", "--size", "32"), ("'32'", "WIDTHxHEIGHT")),
         (("accuracy", "--size", "4x4"), ("'4x4'", "from 8")),
         (("accuracy", "--size", "²²x²²"), ("WIDTHxHEIGHT",)),
