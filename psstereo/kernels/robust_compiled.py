@@ -207,16 +207,17 @@ def _tell(y, g, q, r_inverse, neighbours, s, floor, high, x, calm, work, o):
     by_median = max(_MAD * quantile(work[1], work[2], top, _HALF * total, 6), floor)
     if not by_median > F(s.small) * high:
         return _WHITE, by_median
-    by_quartile = _QUARTILE * quantile(work[1], work[2], top, F(0.25) * total, 6)
     calm[0], calm[1], calm[2] = x[0], x[1], x[2]
     wide = by_median * _freedom(count(work[2])[0])
     _iterate(_TUKEY, _TUKEY_TUNING, wide, True, floor, y, g, q, r_inverse, calm, s, s.rounds, work, o)
-    total, top = residuals(y, g, q, calm, F(s.dark * _albedo(r_inverse, calm)), work[0], work[1], work[2])
-    calm_median = max(_MAD * quantile(work[1], work[2], top, _HALF * total, 6), floor) * _freedom(count(work[2])[0])
+    lit, highest = residuals(y, g, q, calm, F(s.dark * _albedo(r_inverse, calm)), work[0], work[1], work[2])
+    calm_median = max(_MAD * quantile(work[1], work[2], highest, _HALF * lit, 6), floor) * _freedom(count(work[2])[0])
     moran, within = structure(work[0], work[1], work[2], neighbours, F(4) * calm_median, work[4])
     if not moran > s.structure * math.sqrt(96.0 / max(within, _ONE)):
         x[0], x[1], x[2] = calm[0], calm[1], calm[2]
         return _WHITE, calm_median
+    residuals(y, g, q, x, F(s.dark * _albedo(r_inverse, x)), work[0], work[1], work[2])
+    by_quartile = _QUARTILE * quantile(work[1], work[2], top, F(0.25) * total, 6)
     return (_STRUCTURED if by_quartile > F(s.piled) * by_median else _PILED_UP), by_median
 
 
