@@ -16,6 +16,7 @@ from psstereo.kernels.robust_loops_compiled import (
     count,
     count_used,
     largest,
+    mean_and_variance,
     moments,
     moments64,
     normalise,
@@ -23,7 +24,7 @@ from psstereo.kernels.robust_loops_compiled import (
     residuals,
     round_geman_mcclure,
     round_tukey,
-    slope,
+    slopes,
     sort_out,
     spread,
     structure,
@@ -63,28 +64,30 @@ _plain: Any = njit(nogil=True, cache=True, error_model="numpy")
 
 @_plain
 def _solve(o, x, out):
-    """Solve the 3 × 3 system in o by Cholesky, and put x + solution into out; False if it is singular."""
+    """Solve the 3 × 3 system in o, and put x + solution into out; False if it is singular.
+
+    L D Lᵀ instead of Cholesky: three divisions one after the other, and no roots.
+    """
     a00, a01, a11, a02, a12, a22 = float(o[0]), float(o[1]), float(o[2]), float(o[3]), float(o[4]), float(o[5])
     tiny = 1e-7 * (a00 + a11 + a22)
     if not a00 > tiny:
         return False
-    l00 = math.sqrt(a00)
-    l10, l20 = a01 / l00, a02 / l00
-    d = a11 - l10 * l10
-    if not d > tiny:
+    i0 = 1.0 / a00
+    l10, l20 = a01 * i0, a02 * i0
+    d1 = a11 - l10 * a01
+    if not d1 > tiny:
         return False
-    l11 = math.sqrt(d)
-    l21 = (a12 - l20 * l10) / l11
-    d = a22 - l20 * l20 - l21 * l21
-    if not d > tiny:
+    i1, t = 1.0 / d1, a12 - l20 * a01
+    l21 = t * i1
+    d2 = a22 - l20 * a02 - l21 * t
+    if not d2 > tiny:
         return False
-    l22 = math.sqrt(d)
-    z0 = float(o[6]) / l00
-    z1 = (float(o[7]) - l10 * z0) / l11
-    z2 = (float(o[8]) - l20 * z0 - l21 * z1) / l22
-    s2 = z2 / l22
-    s1 = (z1 - l21 * s2) / l11
-    s0 = (z0 - l10 * s1 - l20 * s2) / l00
+    z0 = float(o[6])
+    z1 = float(o[7]) - l10 * z0
+    z2 = float(o[8]) - l20 * z0 - l21 * z1
+    s2 = z2 / d2
+    s1 = z1 * i1 - l21 * s2
+    s0 = z0 * i0 - l10 * s1 - l20 * s2
     out[0], out[1], out[2] = x[0] + s0, x[1] + s1, x[2] + s2
     return True
 
@@ -249,7 +252,8 @@ def _variance(loss, inverse, scale, looked, work):
     """Return the factor that makes the inverse of Σ q qᵀ a covariance, NaN if nothing is left over to tell it by."""
     if not looked > 3:
         return np.nan
-    mean, variance = slope(loss, work[0], work[2], inverse)
+    slopes(loss, work[0], inverse, work[1])
+    mean, variance = mean_and_variance(work[1], work[2])
     if not mean > 0 or loss == 0:
         return np.pi / 2 * scale**2
     correction = 1 + 3.0 / looked * variance / (mean * mean)

@@ -11,6 +11,7 @@ __all__ = [
     "count",
     "count_used",
     "largest",
+    "mean_and_variance",
     "moments",
     "moments64",
     "normalise",
@@ -18,7 +19,7 @@ __all__ = [
     "residuals",
     "round_geman_mcclure",
     "round_tukey",
-    "slope",
+    "slopes",
     "sort_out",
     "spread",
     "structure",
@@ -184,29 +185,43 @@ def weigh(loss, r, lit, inverse, w):
 
 
 @_loop
-def slope(loss, r, lit, inverse):
-    """Return mean and variance over the lit observations of the derivative of r · w(r)."""
-    total, squares, count = _ZERO, _ZERO, _ZERO
-    for i in range(len(r)):
-        t = r[i] * inverse
-        v = t * t
-        if loss == 1:
-            d = _ONE if v < _ONE else _ZERO
-        elif loss == 2:
-            d = (_ONE - v) / ((_ONE + v) * (_ONE + v))
-        elif loss == 3:
-            d = (_ONE - _THREE * v) / ((_ONE + v) * (_ONE + v) * (_ONE + v))
-        elif loss == 4:
-            d = (_ONE - v) * (_ONE - _FIVE * v) if v < _ONE else _ZERO
-        elif loss == 5:
-            d = (_ONE - _TWO * v) * math.exp(-v)
-        else:
-            d = _ONE
-        total += lit[i] * d
-        squares += lit[i] * d * d
-        count += lit[i]
-    mean = total / count
-    return mean, squares / count - mean * mean
+def slopes(loss, r, inverse, d):
+    """Fill the derivative of r · w(r)."""
+    if loss == 1:
+        for i in range(len(r)):
+            t = r[i] * inverse
+            d[i] = _ONE if t * t < _ONE else _ZERO
+    elif loss == 2:
+        for i in range(len(r)):
+            v = (r[i] * inverse) ** 2
+            d[i] = (_ONE - v) / ((_ONE + v) * (_ONE + v))
+    elif loss == 3:
+        for i in range(len(r)):
+            v = (r[i] * inverse) ** 2
+            d[i] = (_ONE - _THREE * v) / ((_ONE + v) * (_ONE + v) * (_ONE + v))
+    elif loss == 4:
+        for i in range(len(r)):
+            v = (r[i] * inverse) ** 2
+            d[i] = (_ONE - v) * (_ONE - _FIVE * v) if v < _ONE else _ZERO
+    elif loss == 5:
+        for i in range(len(r)):
+            v = (r[i] * inverse) ** 2
+            d[i] = (_ONE - _TWO * v) * math.exp(-v)
+    else:
+        for i in range(len(r)):
+            d[i] = _ONE
+
+
+@_loop
+def mean_and_variance(d, lit):
+    """Return both over the lit observations."""
+    total, squares, number = _ZERO, _ZERO, _ZERO
+    for i in range(len(d)):
+        total += lit[i] * d[i]
+        squares += lit[i] * d[i] * d[i]
+        number += lit[i]
+    mean = total / number
+    return mean, squares / number - mean * mean
 
 
 @_loop
