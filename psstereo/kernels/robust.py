@@ -328,7 +328,8 @@ class _Pixels:
         choices = np.log(np.maximum(n - 3, 1)) + gammaln(n + 1) - gammaln(n - k + 1) - gammaln(4) - gammaln(k - 2)
         chance = choices + (k - 3) * np.log(share)
         unsure = (n < FEW) & (chance > LOG_CHANCE)
-        return np.where(unsure, (1 + LOSS_OF_FEW / np.maximum(n, 1)) * wide**2, 0.0)
+        lost = LOSS_OF_FEW / np.maximum(n, 1) * (1 - np.minimum(1, scale / np.maximum(wide, 1e-30)))
+        return np.where(unsure, (1 + lost) * wide**2, 0.0)
 
     def _judge(self, ok: BoolArray, x: FloatArray, gate: FloatArray, w: FloatArray, scale: FloatArray) -> Array:
         p = self.q @ x

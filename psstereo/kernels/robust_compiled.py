@@ -277,7 +277,7 @@ def _doubt(y, q, scale, looked, x, calm, work, o):
     share = min(1.0, 2.4 * scale / max(wide, 1e-30))
     choices = math.log(max(n - 3, 1.0)) + math.lgamma(n + 1) - math.lgamma(n - k + 1) - math.lgamma(4.0)
     if choices - math.lgamma(k - 2) + (k - 3) * math.log(share) > LOG_CHANCE:
-        return (1 + LOSS_OF_FEW / n) * wide**2
+        return (1 + LOSS_OF_FEW / n * (1 - min(1.0, scale / max(wide, 1e-30)))) * wide**2
     return 0.0
 
 

@@ -44,8 +44,8 @@ FEW = 48
 """Lit observations below which an agreement may be chance [1]."""
 LOG_CHANCE = -4.605170185988091
 """Logarithm of the chance, one in a hundred, above which an agreement is not trusted [1]."""
-LOSS_OF_FEW = 8.0
-"""Observations that picking an agreement costs: the variance grows by one plus this over their number [1]."""
+LOSS_OF_FEW = 15.0
+"""Observations that picking a narrow agreement costs: the variance grows by one plus this over their number [1]."""
 CONSISTENCY = (
     0.1255378914539751,
     0.8556923434719558,

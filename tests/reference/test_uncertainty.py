@@ -6,9 +6,11 @@ import pytest
 from psstereo.capture import Capture
 from psstereo.flags import Flag
 from psstereo.lights import Rig
-from psstereo.normals import GATES, LeastSquares, estimate_normals
+from psstereo.metrics import coverage
+from psstereo.normals import GATES, LeastSquares, Robust, estimate_normals
 from psstereo.stack import MemoryStack
 from psstereo_synth import ring, spiral
+from psstereo_synth.caps import cap_capture
 
 NONE = LeastSquares(gate=GATES["none"])
 
@@ -96,3 +98,11 @@ def test_weights_are_inverse_variances():
     np.testing.assert_allclose(second.uncertainty, first.uncertainty, rtol=1e-9)
     covariance = np.linalg.inv((directions.T / sigma**2) @ directions)
     assert actual == pytest.approx(np.sqrt(covariance[0, 0] + covariance[1, 1]), rel=0.01)
+
+
+@pytest.mark.parametrize(("lights", "noise"), [(6, 0.01), (8, 0.001), (12, 0.03), (16, 0.01), (32, 0.1), (96, 0.01)])
+def test_the_robust_region_holds_the_truth_as_often_as_it_says_from_few_lights_on(lights, noise):
+    directions = spiral(lights, max_tilt=np.radians(60.0))
+    capture, truth = cap_capture(directions, (64, 64), tilt=np.radians(70.0), noise=noise, seed=7)
+    result = estimate_normals(capture, Robust(), covariance=True)
+    assert 0.92 < coverage(result.normals, result.covariance, truth.normals, result.used).share < 0.98
