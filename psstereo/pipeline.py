@@ -7,7 +7,7 @@ from typing import Any
 
 from psstereo.capture import Capture
 from psstereo.depth import Integrator, Poisson, triangulate
-from psstereo.errors import UnsupportedError
+from psstereo.errors import OptionError, UnsupportedError
 from psstereo.near import NearOptions, solve_near, wants_near
 from psstereo.normals import Gate, NormalSolver, default_solver, estimate_normals
 from psstereo.normals.light_choice import LightChoice, choose_lights
@@ -36,6 +36,9 @@ class Options:
         Whose directions of the lights are taken: those given, refined ones, or those that the images tell.
     strengths : StrengthChoice
         Whose strengths of the lights are taken.
+    distance : float or None
+        Where the search for the object's distance begins, under near lamps; anywhere if absent [length of the lamps'
+        positions].
     gray, clip, valid_range, observation_mask, verdicts, max_memory, workers
         As in :func:`psstereo.normals.estimate_normals`.
     """
@@ -50,6 +53,7 @@ class Options:
     valid_range: tuple[float, float] | None = None
     observation_mask: BoolArray | VerdictArray | None = None
     verdicts: bool = False
+    distance: float | None = None
     max_memory: int | None = None
     workers: int = 1
 
@@ -116,6 +120,12 @@ def reconstruct(
     capture = lights.capture
     if chosen.solver is None and wants_near(capture):
         return _reconstruct_near(capture, chosen, over, progress)
+    if chosen.distance is not None:
+        raise OptionError(
+            given=f"The distance {chosen.distance:g} is given.",
+            needed="Lamps near the object, whose fall-off depends on it, and no solver for distant lights.",
+            remedy="Leave it out.",
+        )
     strengths = choose_strengths(
         capture,
         chosen.strengths,
@@ -174,6 +184,7 @@ def _reconstruct_near(capture: Capture, options: Options, over: Map, progress: P
     found = solve_near(
         capture,
         NearOptions(
+            distance=options.distance,
             integrator=options.integrator or Poisson(),
             gray=options.gray,
             saturation=options.gate is None or options.gate.saturation,

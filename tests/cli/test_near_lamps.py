@@ -63,6 +63,22 @@ def test_normals_only_and_a_named_solver(run, tmp_path, sphere):
     assert not (tmp_path / "other").exists()
 
 
+def test_a_distance_to_begin_with_is_for_near_lamps(run, tmp_path, sphere):
+    write_capture(sphere[0], tmp_path / "in", "luces", truth=sphere[1])
+    words = ("reconstruct", tmp_path / "in", "--normals-only", "--json", "-o")
+    plain = run(*words, tmp_path / "a").record["depth"] is None and np.load(tmp_path / "a" / "normals.npy")
+    guided = run(*words, tmp_path / "b", "--distance", "500")
+    assert guided.code == 0, guided.err
+    np.testing.assert_allclose(np.load(tmp_path / "b" / "normals.npy"), plain, rtol=0, atol=1e-3)
+    for wrong, word in (("nan", "finite"), ("-1", "distance")):
+        refused = run(*words, tmp_path / "c", "--distance", wrong)
+        assert refused.code == 3
+        assert word in refused.err.lower()
+    distant = run(*words, tmp_path / "d", "--distance", "500", "--solver", "least-squares")
+    assert distant.code == 3
+    assert "The distance 500 is given" in distant.err
+
+
 def test_three_lamps_are_refused(run, tmp_path, sphere):
     capture, truth, _, _ = sphere
     few = replace(capture, stack=MemoryStack(capture.stack.read()[:3]), rig=capture.rig.select([0, 1, 2]))

@@ -99,6 +99,10 @@ def reconstruct(
             " take part."
         ),
     ] = None,
+    distance: Annotated[
+        float | None,
+        typer.Option(help="Under near lamps, where to begin to search for the object's distance, in their unit."),
+    ] = None,
     normals_only: Annotated[bool, typer.Option("--normals-only", help="Leave depth and mesh out.")] = False,
     integrator: Annotated[str, typer.Option(help="Method for the depth.")] = "poisson",
     threads: Threads = None,
@@ -146,6 +150,7 @@ def reconstruct(
         strengths=_strengths(strengths),
         verdicts=verdicts,
         lights=choice,
+        distance=distance,
     )
     with threaded(count) as over, progress_bars() as progress:
         capture, _ = load_capture(
