@@ -43,7 +43,7 @@ class FrankotChellappa(Integrator):
     True
     """
 
-    name: ClassVar[str] = "frankot_chellappa"
+    name: ClassVar[str] = "frankot-chellappa"
     summary: ClassVar[str] = "One Fourier transform; full rectangles whose surface repeats, orthographic."
     any_domain: ClassVar[bool] = False
 
