@@ -304,10 +304,12 @@ class TestCommon:
         shape = data.draw(st.tuples(st.integers(1, 24), st.integers(1, 24)))
         rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
         mask = rng.random(shape) < data.draw(st.floats(0.05, 1.0))
-        mask[rng.integers(shape[0]), rng.integers(shape[1])] = True
         weights = 10.0 ** rng.uniform(-data.draw(st.integers(0, 6)), 0, shape)
         normals = rng.normal(size=(*shape, 3))
         normals[..., 2] = np.abs(normals[..., 2]) + 0.1
+        certain = rng.integers(shape[0]), rng.integers(shape[1])  # in the mask, and facing every camera used here
+        mask[certain] = True
+        normals[certain] = 0.0, 0.0, 1.0
         result = integrator.integrate(normals, camera, mask=mask, weights=weights)
         assert result.outcome is not Outcome.NOT_CONVERGED
         used = np.isfinite(result.depth)
