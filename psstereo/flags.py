@@ -28,6 +28,8 @@ class Flag(IntFlag):
     NO_REDUNDANCY = 256
     FACING_AWAY = 512
     NO_DEPTH = 1024
+    OVER_BRIGHT = 2048
+    UNLIT = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +79,16 @@ FLAGS: tuple[FlagInfo, ...] = (
     ),
     FlagInfo(flag=Flag.FACING_AWAY, fatal=False, sentence="The normal points away from the camera."),
     FlagInfo(flag=Flag.NO_DEPTH, fatal=False, sentence="The pixel has no depth, although its normal may stand."),
+    FlagInfo(
+        flag=Flag.OVER_BRIGHT,
+        fatal=False,
+        sentence="The pixel is brighter than the light allows, and was taken as facing it.",
+    ),
+    FlagInfo(
+        flag=Flag.UNLIT,
+        fatal=False,
+        sentence="The pixel received no light, so its brightness says nothing of its shape.",
+    ),
 )
 """The table of all flags."""
 

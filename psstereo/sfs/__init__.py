@@ -1,0 +1,7 @@
+"""Shape from shading: one image, and every assumption that it takes."""
+
+from psstereo.sfs.catalogue import SHADING_METHODS
+from psstereo.sfs.image import ShadedImage
+from psstereo.sfs.method import Assumption, Basis, ShadingMethod, ShadingResult
+
+__all__ = ["SHADING_METHODS", "Assumption", "Basis", "ShadedImage", "ShadingMethod", "ShadingResult"]
