@@ -9,6 +9,10 @@ from .depth import INTEGRATORS as INTEGRATORS
 from .depth import Discontinuity as Discontinuity
 from .depth import Poisson as Poisson
 from .depth import Prior as Prior
+from .depth import curvature_from_normals as curvature_from_normals
+from .depth import integrate_normals as integrate_normals
+from .depth import normals_from_depth as normals_from_depth
+from .depth import relief_from_normals as relief_from_normals
 from .depth import triangulate as triangulate
 from .depth import with_distance as with_distance
 from .errors import PsstereoError as PsstereoError
@@ -21,10 +25,12 @@ from .io import READERS as READERS
 from .io import WRITERS as WRITERS
 from .io import Choices as Choices
 from .io import read_capture as read_capture
+from .io import read_elevation as read_elevation
 from .io import read_normal_map as read_normal_map
 from .io import recognise as recognise
 from .io import write_capture as write_capture
 from .io import write_diligent as write_diligent
+from .io import write_elevation as write_elevation
 from .io import write_mesh as write_mesh
 from .io import write_normal_map as write_normal_map
 from .io.result_folder import read_result as read_result
@@ -60,6 +66,9 @@ from .pipeline import reconstruct as reconstruct
 from .results import DepthResult as DepthResult
 from .results import NormalsResult as NormalsResult
 from .results import Outcome as Outcome
+from .sfs import SHADING_METHODS as SHADING_METHODS
+from .sfs import ShadedImage as ShadedImage
+from .sfs import ShadingResult as ShadingResult
 from .stack import FileStack as FileStack
 from .stack import MemoryStack as MemoryStack
 from .stack import Response as Response

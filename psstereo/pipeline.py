@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from psstereo.capture import Capture
-from psstereo.depth import Integrator, Poisson, triangulate
+from psstereo.depth import Integrator, Poisson, Prior, triangulate
+from psstereo.depth.given_normals import mark_missing_depth, prior_step
 from psstereo.errors import OptionError, UnsupportedError
 from psstereo.near import NearOptions, solve_near, wants_near
 from psstereo.normals import Gate, NormalSolver, default_solver, estimate_normals
@@ -39,6 +40,8 @@ class Options:
     distance : float or None
         Where the search for the object's distance begins, under near lamps; anywhere if absent [length of the lamps'
         positions].
+    prior : Prior or None
+        Depth known beforehand, to be fused with the normals.
     gray, clip, valid_range, observation_mask, verdicts, max_memory, workers
         As in :func:`psstereo.normals.estimate_normals`.
     """
@@ -54,6 +57,7 @@ class Options:
     observation_mask: BoolArray | VerdictArray | None = None
     verdicts: bool = False
     distance: float | None = None
+    prior: Prior | None = None
     max_memory: int | None = None
     workers: int = 1
 
@@ -114,6 +118,7 @@ def reconstruct(
         :func:`psstereo.normals.strength_choice.choose_strengths`.
     """
     chosen = options or Options()
+    _require_use_of_prior(chosen)
     lights = choose_lights(
         capture, chosen.lights, gray=chosen.gray, valid_range=chosen.valid_range, over=over, progress=progress
     )
@@ -160,18 +165,42 @@ def reconstruct(
         steps.append(Step(name="depth and mesh", done=False, reason="Only normals were asked for."))
         return Reconstruction(normals=normals, depth=None, mesh=None, steps=tuple(steps))
     started = time.perf_counter()
-    depth = chosen.integrator.integrate(normals.normals, capture.camera, mask=capture.mask, progress=progress)
+    depth = chosen.integrator.integrate(
+        normals.normals, capture.camera, mask=capture.mask, prior=chosen.prior, progress=progress
+    )
     seconds = time.perf_counter() - started
     camera = f"The camera is {capture.camera.name}."
+    if chosen.prior is not None:
+        steps.append(prior_step(chosen.prior, depth))
+        normals = replace(normals, flags=mark_missing_depth(normals.flags, depth.depth))
     steps.append(Step(name=f"depth ({chosen.integrator.name})", done=True, reason=camera, seconds=seconds))
     return _meshed(capture, normals, depth, steps)
+
+
+def _require_use_of_prior(options: Options) -> None:
+    """Refuse a prior that nobody would look at, before the work."""
+    if options.prior is None:
+        return
+    if options.integrator is None:
+        raise OptionError(
+            given="A prior depth is given, and only normals were asked for.",
+            needed="A prior is fused with the normals when they are integrated.",
+            remedy="Leave the prior out, or let the depth be found.",
+        )
+    if not options.integrator.takes_prior:
+        raise UnsupportedError(
+            given=f"The integrator {options.integrator.name} was given a prior depth.",
+            needed="It can work from normals alone only.",
+            remedy="Use the integrator poisson, or leave the prior out.",
+        )
 
 
 def _meshed(capture: Capture, normals: NormalsResult, depth: DepthResult, steps: list[Step]) -> Reconstruction:
     """Add the mesh."""
     started = time.perf_counter()
     mesh = triangulate(
-        depth.depth, capture.camera, normals=normals.normals, albedo=normals.albedo, components=depth.components
+        depth.depth, capture.camera, normals=normals.normals, albedo=normals.albedo, components=depth.components,
+        texture=True,
     )
     reason = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} triangles."
     steps = [*steps, Step(name="mesh", done=True, reason=reason, seconds=time.perf_counter() - started)]
@@ -216,6 +245,7 @@ def _refuse_for_near(options: Options) -> None:
     unknown = {
         "a bound on brightness (clip)": options.clip is not None,
         "a mask of observations": options.observation_mask is not None,
+        "a prior depth": options.prior is not None,
         "a verdict on each observation": options.verdicts,
         "a gate that leaves shadows in": options.gate is not None and not options.gate.shadow,
         f"{options.strengths.value} strengths": options.strengths is not StrengthChoice.GIVEN,

@@ -12,8 +12,10 @@ from psstereo_cli.commands.bench import bench
 from psstereo_cli.commands.demo import demo
 from psstereo_cli.commands.evaluate import evaluate
 from psstereo_cli.commands.info import info
+from psstereo_cli.commands.integrate import integrate
 from psstereo_cli.commands.match import match
 from psstereo_cli.commands.reconstruct import reconstruct
+from psstereo_cli.commands.sfs import sfs
 from psstereo_cli.commands.solvers import solvers
 from psstereo_cli.commands.synth import synth
 from psstereo_cli.failure import report_failure
@@ -31,6 +33,8 @@ app = typer.Typer(
 )
 
 app.command()(reconstruct)
+app.command()(integrate)
+app.command()(sfs)
 app.command()(evaluate)
 app.command()(info)
 app.command()(solvers)

@@ -5,7 +5,18 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["Format", "Json", "Lights", "LightsLayout", "Mask", "Overwrite", "Threads"]
+__all__ = [
+    "Format",
+    "Json",
+    "Lights",
+    "LightsLayout",
+    "Mask",
+    "Overwrite",
+    "PriorFile",
+    "PriorSigma",
+    "PriorUnit",
+    "Threads",
+]
 
 Format = Annotated[
     str | None,
@@ -28,6 +39,28 @@ Mask = Annotated[
     typer.Option(
         "--mask",
         help="Image that is white on the object; `none` for every pixel; `auto` to separate it from a dark background.",
+    ),
+]
+PriorFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--prior",
+        help="Depth known beforehand, heights or distances: a map (.npy, .npz, .mat, TIFF, EXR, 16-bit PNG; NaN and 0"
+        " are unknown) or a text file with `row column depth` of a few points. Not with frankot-chellappa.",
+    ),
+]
+PriorSigma = Annotated[
+    float | None,
+    typer.Option(
+        "--prior-sigma", help="Standard error of the prior, in its unit; the size of a pixel on the surface if absent."
+    ),
+]
+PriorUnit = Annotated[
+    str | None,
+    typer.Option(
+        "--prior-unit",
+        help="Unit of the prior, such as mm, or what a step of 1 is worth, such as 0.2mm; if absent, that of the"
+        " heights, and mm for distances. Whole numbers need it.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print a record for machines on stdout.")]

@@ -2,17 +2,19 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from psstereo.bench import peak_memory, versions
 from psstereo.capture import Capture
+from psstereo.depth.given_normals import free_constants
 from psstereo.flags import count_flags
 from psstereo.pipeline import Reconstruction
 from psstereo.results import DepthResult, NormalsResult
 
-__all__ = ["finite", "run_record"]
+__all__ = ["depth_entry", "finite", "normals_entry", "run_record"]
 
 
 def finite(value: Any) -> Any:
@@ -63,8 +65,8 @@ def run_record(
             "strength_unit": capture.rig.strength_unit.value,
             "notes": list(capture.notes),
         },
-        "normals": _normals(result.normals),
-        "depth": None if result.depth is None else _depth(result.depth),
+        "normals": normals_entry(result.normals),
+        "depth": None if result.depth is None else depth_entry(result.depth),
         "mesh": None
         if result.mesh is None
         else {"vertices": len(result.mesh.vertices), "triangles": len(result.mesh.faces)},
@@ -78,7 +80,19 @@ def run_record(
     return dict(finite(record))
 
 
-def _normals(result: NormalsResult) -> dict[str, Any]:
+def normals_entry(result: NormalsResult) -> dict[str, Any]:
+    """Return what the record says of normals.
+
+    Parameters
+    ----------
+    result : NormalsResult
+        The normals.
+
+    Returns
+    -------
+    dict
+        Figures, frame, meaning of the albedo, outcome and flags.
+    """
     spread = result.uncertainty[np.isfinite(result.uncertainty)]
     return {
         **result.facts,
@@ -91,13 +105,26 @@ def _normals(result: NormalsResult) -> dict[str, Any]:
     }
 
 
-def _depth(result: DepthResult) -> dict[str, Any]:
+def depth_entry(result: DepthResult) -> dict[str, Any]:
+    """Return what the record says of a depth map.
+
+    Parameters
+    ----------
+    result : DepthResult
+        The depth.
+
+    Returns
+    -------
+    dict
+        Figures, kind, unit, range, what normals alone leave free, and outcome.
+    """
     known = result.depth[np.isfinite(result.depth)]
     return {
         **result.facts,
         "kind": result.kind.value,
         "unit": result.unit,
         "range": [float(known.min()), float(known.max())] if known.size else None,
+        "free_constants": asdict(free_constants(result)),
         "components": int(result.components.max(initial=0)),
         "iterations": result.iterations,
         "residual": result.residual,

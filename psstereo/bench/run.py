@@ -92,6 +92,7 @@ def run_timed(
     *,
     repeats: int,
     sizes: Mapping[str, int],
+    score: Callable[[Any], Mapping[str, float]] = lambda _answer: {},
     progress: Progress = no_progress,
 ) -> list[Record]:
     """Time any pieces of work in turn.
@@ -106,6 +107,8 @@ def run_timed(
         Rounds that count; one more goes before them.
     sizes : mapping
         What the time depends on.
+    score : callable
+        Takes what a piece of work returns and gives its errors by name; its time does not count.
     progress : callable
         Told how far it is.
 
@@ -118,8 +121,10 @@ def run_timed(
     for repeat in range(-1, repeats):
         for i, (name, work) in enumerate(methods.items(), start=1):
             started = time.perf_counter()
-            work()
+            answer = work()
             seconds = time.perf_counter() - started
+            error = score(answer) if repeat >= 0 else {}
+            del answer  # the next piece of work must not share the machine's memory with it
             progress(f"suite {suite}", (repeat + 1) * len(methods) + i, (repeats + 1) * len(methods))
             if repeat >= 0:
                 records.append(
@@ -129,6 +134,7 @@ def run_timed(
                         method=name,
                         repeat=repeat,
                         seconds={"total": seconds},
+                        error=error,
                         sizes=sizes,
                         memory=peak_memory(),
                     )
@@ -159,15 +165,15 @@ class Summary:
     error: Mapping[str, float]
 
 
-def summarise(records: Sequence[Record], baseline: str) -> list[Summary]:
+def summarise(records: Sequence[Record], baseline: str | None) -> list[Summary]:
     """Take medians, and ratios to a baseline round by round.
 
     Parameters
     ----------
     records : sequence of Record
         Of one run.
-    baseline : str
-        Method to which times are put in relation.
+    baseline : str or None
+        Method to which times are put in relation; None for the first of each problem.
 
     Returns
     -------
@@ -179,7 +185,10 @@ def summarise(records: Sequence[Record], baseline: str) -> list[Summary]:
     InputError
         If a round lacks the baseline.
     """
-    base = {(r.problem, r.repeat): r.seconds["total"] for r in records if r.method == baseline}
+    first: dict[str, str] = {}
+    for record in records:
+        first.setdefault(record.problem, record.method if baseline is None else baseline)
+    base = {(r.problem, r.repeat): r.seconds["total"] for r in records if r.method == first[r.problem]}
     groups: dict[tuple[str, str], list[Record]] = {}
     for record in records:
         if (record.problem, record.repeat) not in base:

@@ -25,6 +25,7 @@ def triangulate(
     normals: FloatArray | None = None,
     albedo: FloatArray | None = None,
     components: IntArray | None = None,
+    texture: bool = False,
 ) -> SurfaceMesh:
     """Join the pixels of a depth map to triangles.
 
@@ -45,6 +46,9 @@ def triangulate(
         For the colours: its 99th percentile becomes white, encoded by the sRGB curve; unknown is black [any].
     components : int array (h, w), optional
         Connected components; no triangle joins two of them, and 0 counts as unknown depth.
+    texture : bool
+        Whether the colours come as a picture too, cut to the surface, each vertex in the middle of its pixel. Beyond
+        the surface it repeats the nearest colour, so that nothing dark shows at the borders. It needs `albedo`.
 
     Returns
     -------
@@ -54,11 +58,17 @@ def triangulate(
     Raises
     ------
     InputError
-        If shapes do not fit, or no pixel has depth.
+        If shapes do not fit, no pixel has depth, or a texture is wanted without albedo.
     """
     depth = np.asarray(depth)
     shape = depth.shape
     _check(depth, normals, albedo, components)
+    if texture and albedo is None:
+        raise InputError(
+            given="A texture is wanted, and there is no albedo.",
+            needed="The texture is a picture of the albedo.",
+            remedy="Give the albedo, or leave the texture out.",
+        )
     labels = np.ones(shape, np.int32) if components is None else np.asarray(components)
     labels = np.where(np.isfinite(depth), labels, 0)
     known = labels > 0
@@ -69,11 +79,15 @@ def triangulate(
             remedy="Integrate normals first, or check the mask.",
         )
     rays = camera.rays((shape[0], shape[1]))
+    colors = None if albedo is None else _display_colors(np.asarray(albedo)[known])
+    picture, uv = _texture(colors, known) if texture and colors is not None else (None, None)
     return SurfaceMesh(
         vertices=camera.points(np.where(known, depth, 1.0))[known],
         faces=_faces(depth, labels, known),
         normals=None if normals is None else _vertex_normals(normals[known], rays[known]),
-        colors=None if albedo is None else _display_colors(np.asarray(albedo)[known]),
+        colors=colors,
+        texture=picture,
+        uv=uv,
     )
 
 
@@ -135,3 +149,20 @@ def _display_colors(albedo: FloatArray) -> npt.NDArray[np.uint8]:
     curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
     colors = np.rint(255.0 * curve).astype(np.uint8)
     return np.ascontiguousarray(np.broadcast_to(colors, (len(colors), 3)))
+
+
+def _texture(colors: npt.NDArray[np.uint8], known: BoolArray) -> tuple[npt.NDArray[np.uint8], FloatArray]:
+    """Return the colours as a picture of the surface's bounding rectangle, and where the vertices lie on it."""
+    from scipy.ndimage import distance_transform_edt
+
+    rows, columns = np.nonzero(known)
+    top, left = int(rows.min()), int(columns.min())
+    height, width = int(rows.max()) + 1 - top, int(columns.max()) + 1 - left
+    picture = np.zeros((height, width, 3), np.uint8)
+    picture[rows - top, columns - left] = colors
+    missing = ~known[top : top + height, left : left + width]
+    if missing.any():
+        nearest = distance_transform_edt(missing, return_distances=False, return_indices=True)
+        picture = picture[nearest[0], nearest[1]]
+    uv = np.stack([(columns - left + 0.5) / width, 1.0 - (rows - top + 0.5) / height], axis=-1)
+    return picture, uv

@@ -219,7 +219,10 @@ class _OnGrid:
         while True:
             left *= factor
             energies = self._energies(left)
-            reference = energies if reference is None else np.where(reference > 0, reference, energies)
+            if reference is None:
+                reference = energies
+            elif math.isinf(before):  # a component whose right side is zero is judged by what its start leaves
+                reference = np.where(reference > 0, reference, energies)
             reached = _worst(energies, reference)
             # Rounding makes the recurrence drift from the true residual: begin again from that until they agree.
             if reached <= self.tolerance or done >= limit or slow or not reached < 0.5 * before:

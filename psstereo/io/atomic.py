@@ -18,7 +18,9 @@ RECORD = "run.json"
 _LITTER = frozenset({".DS_Store", "Thumbs.db", "desktop.ini"})
 """What file managers leave behind."""
 _NAMES = frozenset({RECORD, "report.html"}) | _LITTER
-_STEMS = frozenset({"normals", "albedo", "depth", "uncertainty", "flags", "mesh", "verdicts"})
+_STEMS = frozenset(
+    {"normals", "albedo", "depth", "uncertainty", "flags", "mesh", "verdicts", "elevation", "curvature", "relief"}
+)
 """What a result folder may hold; one with anything else in it is somebody's work and is never removed."""
 _VERDICTS = "verdicts"
 """A folder in it, of pictures that somebody may have painted in since."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from psstereo.errors import InputError, MissingFileError, OptionError, PsstereoError, UnreadableFileError
 from psstereo.stack.decode import decode_image
+from psstereo.stack.exr_whole import require_whole_exr
 from psstereo.types import Array
 
 __all__ = ["DECODERS", "Decoded", "decode_vectors"]
@@ -126,6 +127,7 @@ def _decode_exr(path: Path, _variable: str | None) -> Decoded:
     """Decode the colour channels of an EXR file, or the three channels x, y, z; layers count when there is only one."""
     import OpenEXR
 
+    require_whole_exr(path)  # before the decoder, which writes to stdout
     with OpenEXR.File(str(path)) as file:
         channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
     grouped = [(name, pixels) for name, pixels in channels.items() if pixels.ndim == 3 and pixels.shape[-1] in (3, 4)]

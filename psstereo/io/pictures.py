@@ -7,7 +7,7 @@ import numpy as np
 from psstereo.errors import InputError
 from psstereo.types import Array, FloatArray
 
-__all__ = ["albedo_picture", "depth_picture", "write_png"]
+__all__ = ["albedo_picture", "depth_picture", "signed_picture", "write_png"]
 
 _BRIGHT = 99.5
 """Percentile that is drawn white: a few highlights must not make all the rest dark."""
@@ -84,4 +84,25 @@ def depth_picture(depth: FloatArray, *, near_is_small: bool) -> Array:
         low, high = float(toward[known].min()), float(toward[known].max())
         scale = (toward[known] - low) / (high - low) if high > low else np.ones(int(known.sum()))
         picture[known] = np.rint(1 + scale * 65534).astype(np.uint16)
+    return picture
+
+
+def signed_picture(values: FloatArray) -> Array:
+    """Return values of both signs as 16-bit gray, 0 in the middle; black where unknown.
+
+    Parameters
+    ----------
+    values : float array (h, w)
+        Values, NaN where unknown.
+
+    Returns
+    -------
+    uint16 array (h, w)
+        32768 for 0; the half percent farthest from it is black or white.
+    """
+    known = np.isfinite(values)
+    picture = np.zeros(values.shape, np.uint16)
+    if known.any():
+        span = float(np.quantile(np.abs(values[known]), 0.995)) or 1.0
+        picture[known] = np.rint(32768 + 32767 * np.clip(values[known] / span, -1.0, 1.0)).astype(np.uint16)
     return picture

@@ -10,15 +10,16 @@ import numpy as np
 
 from psstereo.errors import InputError, MissingFileError, UnreadableFileError
 from psstereo.io.atomic import RECORD, new_folder
+from psstereo.io.derived_files import Derived, write_derived
 from psstereo.io.mesh_file import write_mesh
 from psstereo.io.normal_map import write_normal_map
 from psstereo.io.pictures import albedo_picture, depth_picture, write_png
 from psstereo.io.verdict_files import write_verdicts
 from psstereo.results import DepthKind, DepthResult, NormalsResult
 from psstereo.surface_mesh import SurfaceMesh
-from psstereo.types import Array, FloatArray
+from psstereo.types import Array, FlagArray, FloatArray
 
-__all__ = ["SavedResult", "read_result", "write_result"]
+__all__ = ["SavedResult", "read_result", "write_integration", "write_result"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,17 +88,67 @@ def write_result(
         write_png(work / "albedo.png", albedo_picture(_showable(normals.albedo)))
         if normals.verdicts is not None:
             write_verdicts(work, normals.verdicts)
-        if depth is not None:
-            _save(work / "depth.npy", depth.depth, np.float32)
-            near_is_small = depth.kind is DepthKind.DISTANCE
-            write_png(work / "depth.png", depth_picture(depth.depth, near_is_small=near_is_small))
-        if mesh is not None:
-            for suffix in mesh_suffixes:
-                if len(mesh.faces) or suffix != ".glb":
-                    write_mesh(mesh, work / f"mesh{suffix}")
-        text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
-        # A file name that is no UTF-8 comes as lone surrogates; written as \\uXXXX they are valid JSON.
-        (work / RECORD).write_bytes((text + "\n").encode("utf-8", "backslashreplace"))
+        _write_surface(work, depth, mesh, mesh_suffixes)
+        _write_record(work, record)
+
+
+def write_integration(
+    folder: Path,
+    normals: FloatArray,
+    flags: FlagArray,
+    *,
+    depth: DepthResult,
+    mesh: SurfaceMesh,
+    mesh_suffixes: Iterable[str] = (".ply", ".glb"),
+    derived: Derived | None = None,
+    record: Mapping[str, Any],
+    overwrite: bool = False,
+) -> None:
+    """Write a result folder for normals that came from elsewhere, without albedo; it appears whole or not at all.
+
+    Parameters
+    ----------
+    folder : Path
+        Where; it must be new, empty, or with `overwrite` an earlier result.
+    normals : float array (h, w, 3)
+        Becomes ``normals.npy`` and ``normals.png``; NaN where there is none [1].
+    flags : uint16 array (h, w)
+        Becomes ``flags.npy``.
+    derived : Derived, optional
+        Becomes files of its own, see :mod:`psstereo.io.derived_files`.
+    depth, mesh, mesh_suffixes, record, overwrite
+        As for :func:`write_result`.
+
+    Raises
+    ------
+    ExistingResultError
+        If something is in the way.
+    """
+    with new_folder(folder, overwrite=overwrite) as work:
+        _save(work / "normals.npy", normals, np.float32)
+        _save(work / "flags.npy", flags, np.uint16)
+        write_normal_map(normals, work / "normals.png")
+        _write_surface(work, depth, mesh, mesh_suffixes)
+        if derived is not None:
+            write_derived(work, derived)
+        _write_record(work, record)
+
+
+def _write_surface(work: Path, depth: DepthResult | None, mesh: SurfaceMesh | None, suffixes: Iterable[str]) -> None:
+    if depth is not None:
+        _save(work / "depth.npy", depth.depth, np.float32)
+        near_is_small = depth.kind is DepthKind.DISTANCE
+        write_png(work / "depth.png", depth_picture(depth.depth, near_is_small=near_is_small))
+    if mesh is not None:
+        for suffix in suffixes:
+            if len(mesh.faces) or suffix != ".glb":
+                write_mesh(mesh, work / f"mesh{suffix}", unit=None if depth is None else depth.unit)
+
+
+def _write_record(work: Path, record: Mapping[str, Any]) -> None:
+    text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
+    # A file name that is no UTF-8 comes as lone surrogates; written as \\uXXXX they are valid JSON.
+    (work / RECORD).write_bytes((text + "\n").encode("utf-8", "backslashreplace"))
 
 
 def _save(path: Path, array: Array, dtype: type[np.generic]) -> None:

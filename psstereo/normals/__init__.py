@@ -1,7 +1,6 @@
 """Normals and albedo from brightness under several lights."""
 
 from psstereo.normals.catalogue import NORMAL_SOLVERS
-from psstereo.normals.configure import SolverOption, configure_solver, solver_options
 from psstereo.normals.default import DefaultSolver, default_solver
 from psstereo.normals.estimate import estimate_normals
 from psstereo.normals.gate import GATES, Gate, gate
@@ -21,11 +20,8 @@ __all__ = [
     "PixelNormals",
     "Robust",
     "Samples",
-    "SolverOption",
     "Verdict",
-    "configure_solver",
     "default_solver",
     "estimate_normals",
     "gate",
-    "solver_options",
 ]

@@ -14,21 +14,17 @@ from psstereo.capture import Capture
 from psstereo.errors import InputError
 from psstereo.flags import Flag, fatal_mask
 from psstereo.lights import StrengthUnit
+from psstereo.method_options import settings_of
 from psstereo.normals.blocks import Answer, BlockJob, solve_blocks
-from psstereo.normals.configure import solver_settings
 from psstereo.normals.default import default_solver
-from psstereo.normals.memory import MemoryPlan, plan_memory
-from psstereo.normals.observations import checked_mask, count_left_out
+from psstereo.normals.gathered import Gathered, Reading, gathered
 from psstereo.normals.solver import NormalSolver
 from psstereo.normals.verdict import VerdictArray
 from psstereo.results import AlbedoKind, NormalsResult, Outcome
-from psstereo.stack import Conversion, MemoryStore, PixelSet, SampleStore, SpillStore, colour_reading, gather
+from psstereo.stack import PixelSet
 from psstereo.types import BoolArray, FloatArray, Map, Progress, no_progress
 
-__all__ = ["estimate_normals"]
-
-_NEARLY_WHITE = 0.98
-"""Share of full scale from which a value counts as saturated; sensors bend before they clip."""
+__all__ = ["estimate_normals", "solve_gathered"]
 
 
 def estimate_normals(
@@ -99,95 +95,104 @@ def estimate_normals(
         If an option's value is unknown.
     """
     method = default_solver(capture.rig).solver if solver is None else solver
+    method.prepare(capture.rig)  # before anything is decoded: a bad rig is told at once
+    reading = Reading(
+        gray=gray,
+        clip=clip,
+        valid_range=valid_range,
+        observation_mask=observation_mask,
+        saturation=method.gate.saturation,
+    )
+    flat = _flat_weights(weights, capture)
+    with gathered(
+        capture,
+        reading,
+        verdicts=verdicts,
+        covariance=covariance,
+        max_memory=max_memory,
+        workers=workers,
+        over=over,
+        progress=progress,
+    ) as samples:
+        return solve_gathered(
+            samples, method, weights=flat, verdicts=verdicts, covariance=covariance, over=over, progress=progress
+        )
+
+
+def solve_gathered(
+    samples: Gathered,
+    solver: NormalSolver[Any],
+    *,
+    weights: FloatArray | None = None,
+    verdicts: bool = False,
+    covariance: bool = False,
+    over: Map = map,
+    progress: Progress = no_progress,
+) -> NormalsResult:
+    """Recover normals and albedo from samples that were gathered before, by one solver or several in turn.
+
+    Parameters
+    ----------
+    samples : Gathered
+        Of a capture.
+    solver : NormalSolver
+        The method. Whether saturated values take part was decided when the samples were gathered.
+    weights : float array (m, h · w), optional
+        Weights of the observations.
+    verdicts, covariance : bool
+        What else to tell.
+    over : map-like
+        Executes blocks.
+    progress : callable
+        Told how far solving is.
+
+    Returns
+    -------
+    NormalsResult
+        As of :func:`estimate_normals`.
+
+    Raises
+    ------
+    RigError, UnsupportedError, InputError
+        As there.
+    """
+    capture, pixels, channels = samples.capture, samples.pixels, samples.channels
     started = time.perf_counter()
-    pixels = PixelSet.from_mask(capture.effective_mask)
-    state = method.prepare(capture.rig, len(pixels))  # before anything is decoded: a bad rig is told at once
-    channels = colour_reading(gray, capture.stack.shape[3])
-    matrix = channels.weights.matrix
-    conversion = _conversion(capture, matrix, method.gate.saturation, clip, valid_range)
     job = BlockJob(
-        solver=method,
-        state=state,
+        solver=solver,
+        state=solver.prepare(capture.rig, len(pixels)),
         pixels=pixels,
         channels=channels.values,
         projection=channels.projection,
         strengths=capture.rig.strengths(capture.stack.shape[3]),
-        weights=_flat_weights(weights, capture),
-        mask=checked_mask(observation_mask, capture.stack.shape[:3]),
+        weights=weights,
+        mask=samples.mask,
         verdicts=verdicts,
         covariance=covariance,
     )
-    left_out = None if job.mask is None else count_left_out(job.mask, pixels.indices)
-    undoing = (0 if capture.response.is_linear else 8) + (0 if capture.dark is None else 8)
-    plan = plan_memory(
-        capture.stack,
-        pixels,
-        len(matrix),
-        max_memory,
-        workers,
-        undoing=undoing,
-        masked=job.mask is not None,
-        verdicts=verdicts,
-        covariance=covariance,
-        projected=channels.projection is not None,
-    )
-    below = None if capture.dark is None else np.zeros(len(capture.stack))
-    with _store(plan) as store:
-        largest = gather(capture.stack, pixels, conversion, store, below=below, over=over, progress=progress)
-        _require_light(largest, capture.stack.names, None if left_out is None else left_out == len(pixels))
-        read = time.perf_counter()
-        answer = solve_blocks(job, store, plan, over, progress)
-    del job, state  # and the working arrays with them
+    answer = solve_blocks(job, samples.store, samples.plan, over, progress)
+    del job  # and the working arrays with it
+    below, left_out, names = samples.below, samples.left_out, capture.stack.names
     facts = {
-        "solver": method.name,
-        "gate": method.gate.name,
-        "options": solver_settings(method),
+        "solver": solver.name,
+        "gate": solver.gate.name,
+        "options": settings_of(solver),
         "gray": channels.name,
-        "clip": clip,
-        "valid_range": None if conversion.valid is None else [v / capture.stack.white for v in conversion.valid],
+        "clip": samples.reading.clip,
+        "valid_range": None if samples.valid is None else [v / capture.stack.white for v in samples.valid],
         "lights": len(capture.rig),
         "light_condition": capture.rig.condition() if capture.rig.all_distant else None,
         "light_source": capture.rig.source,
         "pixels": len(pixels),
-        "samples_in": "memory" if plan.in_memory else "temporary file",
-        "sample_bytes": plan.sample_bytes,
+        "samples_in": "memory" if samples.plan.in_memory else "temporary file",
+        "sample_bytes": samples.plan.sample_bytes,
         "left_out_by_hand": None if left_out is None else int(left_out.sum()),
         "below_dark": None if below is None else float(below.mean()),
-        "below_dark_most": None if below is None else [capture.stack.names[below.argmax()], float(below.max())],
+        "below_dark_most": None if below is None else [names[below.argmax()], float(below.max())],
         "ambient_share": _ambient_share(answer),
     }
-    seconds = {"read": read - started, "solve": time.perf_counter() - read}
+    seconds = {"read": samples.seconds, "solve": time.perf_counter() - started}
     return _assemble(answer, pixels, capture, facts, seconds)
-
-
-def _conversion(
-    capture: Capture,
-    matrix: FloatArray,
-    drop_saturated: bool,
-    clip: float | None,
-    valid_range: tuple[float, float] | None,
-) -> Conversion:
-    stack = capture.stack
-    strengths = capture.rig.strengths(stack.shape[3])
-    valid = None
-    if valid_range is not None:
-        low, high = valid_range
-        if not low < high:
-            raise InputError(
-                given=f"The valid range is {low} to {high}.",
-                needed="The lower end must be below the upper one.",
-                remedy="Give shares of full scale such as 0.01,0.98.",
-            )
-        valid = (low * stack.white, high * stack.white)
-    elif drop_saturated and stack.saturates:
-        valid = (-np.inf, _NEARLY_WHITE * stack.white)
-    return Conversion(
-        factors=matrix[None] / (strengths[:, None] * stack.white),
-        response=capture.response,
-        dark=capture.dark,
-        valid=valid,
-        clip=clip,
-    )
 
 
 def _flat_weights(weights: FloatArray | None, capture: Capture) -> FloatArray | None:
@@ -201,30 +206,6 @@ def _flat_weights(weights: FloatArray | None, capture: Capture) -> FloatArray | 
             remedy="Use zero for an observation that should be left out.",
         )
     return w.reshape(len(w), -1)
-
-
-def _store(plan: MemoryPlan) -> SampleStore:
-    kind = MemoryStore if plan.in_memory else SpillStore
-    return kind(plan.shape, plan.dtype)
-
-
-def _require_light(largest: FloatArray, names: tuple[str, ...], left_out: BoolArray | None) -> None:
-    """Refuse images that hold nothing; least squares would take them for deep shadow everywhere."""
-    dark = largest <= 0
-    black = np.flatnonzero(dark if left_out is None else dark & ~left_out)
-    if len(black) and dark.all():
-        raise InputError(
-            given="All images are black under the mask.",
-            needed="The object must be visible.",
-            remedy="Check the exposure, the mask, and that the dark image is not one of the lit ones.",
-        )
-    if len(black):
-        raise InputError(
-            given=f"The image {names[black[0]]} is black everywhere under the mask"
-            + (f", and {len(black) - 1} more." if len(black) > 1 else "."),
-            needed="Each light must reach some part of the object.",
-            remedy="Leave it out together with its light; its flash may have failed.",
-        )
 
 
 def _assemble(

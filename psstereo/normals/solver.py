@@ -99,7 +99,7 @@ class NormalSolver(ABC, Generic[StateT]):
     """Whether its model depends on the direction toward the camera, so that turning the scene is not for free."""
     pays_from: ClassVar[int] = 3
     """Lights from which it is better than plain least squares where its assumption holds."""
-    gate: Gate = field(default_factory=lambda: GATES["auto"])
+    gate: Gate = field(default_factory=lambda: GATES["auto"], metadata={"choices": GATES})
 
     def require_lights(self, rig: Rig) -> None:
         """Refuse a rig with too few lights for this method, or with directions that cannot give normals.

@@ -8,6 +8,7 @@ from psstereo.camera import Camera, Orthographic
 from psstereo.depth import Prior
 from psstereo.errors import InputError, UnsupportedError
 from psstereo.lights import Light
+from psstereo.sfs.assumption import Assumption
 from psstereo.types import BoolArray, FloatArray
 
 __all__ = ["ShadedImage"]
@@ -37,6 +38,8 @@ class ShadedImage:
         [camera's unit].
     prior : Prior, optional
         Depth that is known roughly.
+    sources : tuple of Assumption
+        How light, albedo or ambient level came about where nobody gave them; they go into the result.
 
     Raises
     ------
@@ -54,6 +57,7 @@ class ShadedImage:
     ambient: float = 0.0
     heights: FloatArray | None = None
     prior: Prior | None = None
+    sources: tuple[Assumption, ...] = ()
 
     def __post_init__(self) -> None:
         image = np.asarray(self.image)

@@ -4,7 +4,6 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from enum import Enum
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,40 +13,11 @@ from psstereo.errors import UnsupportedError
 from psstereo.flags import Flag
 from psstereo.lights import Light
 from psstereo.results import DepthResult, NormalsResult, Outcome
+from psstereo.sfs.assumption import Assumption, Basis
 from psstereo.sfs.image import ShadedImage
-from psstereo.types import BoolArray, FlagArray, FloatArray, Progress, no_progress
+from psstereo.types import FlagArray, FloatArray, Progress, no_progress
 
 __all__ = ["Assumption", "Basis", "ShadingMethod", "ShadingResult", "ShadingSolution"]
-
-
-class Basis(Enum):
-    """What an assumption rests on."""
-
-    GIVEN = "given"
-    """Somebody said so."""
-    ESTIMATED = "estimated"
-    """It was read from the image."""
-    ASSUMED = "assumed"
-    """Nothing supports it: the method needs it, and another choice would give another surface."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Assumption:
-    """One thing that a single image does not tell.
-
-    Attributes
-    ----------
-    name : str
-        What it is about, such as ``"light"``, ``"albedo"``, ``"boundary"``, ``"relief"``.
-    basis : Basis
-        What it rests on.
-    sentence : str
-        What was taken, for a person.
-    """
-
-    name: str
-    basis: Basis
-    sentence: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,16 +182,13 @@ def _common(image: ShadedImage) -> tuple[Assumption, ...]:
     """Name what every method takes from its caller."""
     albedo = np.asarray(image.albedo)
     paint = f"It is {float(albedo):g} everywhere." if albedo.ndim == 0 else "It is a map over the image."
-    return (
+    given = (
         Assumption(name="light", basis=Basis.GIVEN, sentence=f"It is of the kind {image.light.name}."),
         Assumption(name="albedo", basis=Basis.GIVEN, sentence=paint),
         Assumption(name="ambient", basis=Basis.GIVEN, sentence=f"The level {image.ambient:g} was subtracted."),
         Assumption(name="reflectance", basis=Basis.ASSUMED, sentence="The surface is matte."),
         Assumption(name="interreflection", basis=Basis.ASSUMED, sentence="No light comes from one part to another."),
     )
-
-
-def lit_inside(image: ShadedImage) -> BoolArray:
-    """Return the pixels inside that receive light, bool (h, w)."""
-    with np.errstate(invalid="ignore"):
-        return image.inside & (image.irradiance > 0)
+    told = {one.name: one for one in image.sources}
+    others = tuple(one for one in image.sources if one.name not in {common.name for common in given})
+    return (*(told.get(one.name, one) for one in given), *others)

@@ -124,7 +124,9 @@ def _decode_npy(path: Path) -> Array:
 def _decode_exr(path: Path) -> Array:
     import OpenEXR
 
-    read_bytes(path)
+    from psstereo.stack.exr_whole import require_whole_exr
+
+    require_whole_exr(path)  # before the decoder, which writes to stdout
     try:
         with OpenEXR.File(str(path)) as file:
             channels = {name: np.asarray(channel.pixels) for name, channel in file.channels().items()}

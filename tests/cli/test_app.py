@@ -15,7 +15,7 @@ from psstereo_cli.execution import parse_floats, parse_size, threaded
 from psstereo_cli.failure import report_failure
 from psstereo_cli.record import finite
 
-COMMANDS = ("synth", "reconstruct", "evaluate", "info", "match", "solvers", "demo", "bench")
+COMMANDS = ("synth", "reconstruct", "integrate", "sfs", "evaluate", "info", "match", "solvers", "demo", "bench")
 
 _SLOW_WRITING = """
 import sys, time

@@ -2,7 +2,8 @@
 
 import pytest
 
-from psstereo.normals import NORMAL_SOLVERS, solver_options
+from psstereo.method_options import options_of
+from psstereo.normals import NORMAL_SOLVERS
 
 
 def test_all_solvers_are_listed_with_what_they_need(run):
@@ -28,7 +29,7 @@ def test_machines_get_the_same(run):
         assert facts["avoid"] == solver.avoid
         assert facts["least_lights"] == solver.least_lights
         assert facts["pays_from"] == solver.pays_from
-        assert [option["name"] for option in facts["options"]] == [option.name for option in solver_options(solver)]
+        assert [option["name"] for option in facts["options"]] == [option.name for option in options_of(solver)]
 
 
 @pytest.mark.parametrize("name", sorted(NORMAL_SOLVERS))
@@ -37,7 +38,7 @@ def test_the_options_of_one(run, name):
     assert told.code == 0
     assert told.out == ""
     assert record["name"] == name
-    for option in solver_options(NORMAL_SOLVERS[name]):
+    for option in options_of(NORMAL_SOLVERS[name]):
         assert f" {option.name} " in told.err
         assert {"name": option.name, "kind": option.kind, "default": option.default, "meaning": option.meaning} in (
             record["options"]

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from psstereo_cli.options import Json, Overwrite, Threads
-from psstereo_cli.suites.catalogue import SUITES, suite_named
+from psstereo_cli.suites.catalogue import SUITES, TAKE_A_FOLDER, suite_named
 
 __all__ = ["bench"]
 
@@ -24,6 +24,13 @@ def bench(
     lights: Annotated[
         int, typer.Option(min=3, max=500, help="Images of the suites reading, forward and solvers.")
     ] = 96,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder with data of your own to measure on too: normal maps with true depth for suite depth, captures"
+            " for suite sfs."
+        ),
+    ] = None,
     threads: Threads = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="File for the records, one JSON object a line.")
@@ -40,11 +47,12 @@ def bench(
     from psstereo_cli.execution import available_threads, threaded
 
     run = suite_named(suite)
+    more = _data(suite, folder)
     if out is not None:
         _require_place(out, overwrite=overwrite)
     count = threads or available_threads()
     with threaded(count) as over, progress_bars() as progress:
-        records, baseline, facts = run(repeats, size, lights, count, over, progress)
+        records, baseline, facts = run(repeats, size, lights, count, over, progress, **more)
     summaries = summarise(records, baseline)
     if out is not None:
         write_records(out, records)
@@ -56,6 +64,21 @@ def bench(
         print_json({"suite": suite, "baseline": baseline, "threads": count, "repeats": repeats, "rows": rows, **facts})
         return
     _print(suite, baseline, summaries, facts, count, repeats)
+
+
+def _data(suite: str, folder: Path | None) -> dict[str, Path]:
+    """Return the folder as an argument for the suite, if one was named."""
+    from psstereo.errors import OptionError
+
+    if folder is None:
+        return {}
+    if suite not in TAKE_A_FOLDER:
+        raise OptionError(
+            given=f"The suite {suite} was given a folder.",
+            needed=f"Only {', '.join(sorted(TAKE_A_FOLDER))} measure on data of your own.",
+            remedy="Leave --folder out.",
+        )
+    return {"folder": folder}
 
 
 def _require_place(out: Path, *, overwrite: bool) -> None:

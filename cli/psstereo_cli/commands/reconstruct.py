@@ -5,7 +5,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from psstereo_cli.options import Format, Json, LightsLayout, Mask, Overwrite, Threads
+from psstereo_cli.options import (
+    Format,
+    Json,
+    LightsLayout,
+    Mask,
+    Overwrite,
+    PriorFile,
+    PriorSigma,
+    PriorUnit,
+    Threads,
+)
 
 if TYPE_CHECKING:
     from psstereo.capture import Capture
@@ -105,6 +115,9 @@ def reconstruct(
     ] = None,
     normals_only: Annotated[bool, typer.Option("--normals-only", help="Leave depth and mesh out.")] = False,
     integrator: Annotated[str, typer.Option(help="Method for the depth.")] = "poisson",
+    prior: PriorFile = None,
+    prior_sigma: PriorSigma = None,
+    prior_unit: PriorUnit = None,
     threads: Threads = None,
     max_memory: Annotated[
         str | None,
@@ -135,6 +148,7 @@ def reconstruct(
     from psstereo.io.verdict_files import read_observation_mask
     from psstereo_cli.console import progress_bars
     from psstereo_cli.execution import available_threads, keep_freed_memory, parse_size, threaded
+    from psstereo_cli.known_depth import load_prior
     from psstereo_cli.loading import load_capture
 
     keep_freed_memory()
@@ -168,6 +182,9 @@ def reconstruct(
         if observation_mask is not None:
             mask_of_observations = read_observation_mask(observation_mask, capture.stack.shape[:3])
             options = replace(options, observation_mask=mask_of_observations)
+        shape = capture.stack.shape[1:3]
+        known, notes = load_prior(prior, shape, capture.camera, sigma=prior_sigma, unit=prior_unit)
+        options, capture = replace(options, prior=known), replace(capture, notes=(*capture.notes, *notes))
         result, record = run_and_save(
             capture, options, out, command="reconstruct", overwrite=overwrite, over=over, progress=progress
         )
@@ -210,7 +227,9 @@ def _solver(name: str | None, words: list[str], gate: str | None) -> "NormalSolv
     """Build the solver that was named; an unknown option is told before any image is read."""
     from psstereo.catalogue import choose
     from psstereo.errors import OptionError
-    from psstereo.normals import NORMAL_SOLVERS, configure_solver
+    from psstereo.method_options import configure
+    from psstereo.normals import NORMAL_SOLVERS
+    from psstereo_cli.settings import parse_settings
 
     if name is None:
         if words:
@@ -221,21 +240,12 @@ def _solver(name: str | None, words: list[str], gate: str | None) -> "NormalSolv
             )
         return None
     kind = choose(NORMAL_SOLVERS, name, "solver")
-    settings: dict[str, str] = {}
-    for word in words:
-        key, sign, value = word.partition("=")
-        if not sign or not key.strip() or not value.strip() or key in settings:
-            raise OptionError(
-                given=f"The option is {word!r}{', and was given before' if key in settings else ''}.",
-                needed="KEY=VALUE, each key once, such as gate=none.",
-                remedy=f"psstereo solvers {name} lists the keys.",
-            )
-        settings[key] = value
+    settings = parse_settings(words, example="gate=none", remedy=f"psstereo solvers {name} lists the keys.")
     if gate is not None and "gate" in {key.strip() for key in settings}:
         raise OptionError(
             given="The gate was given twice, by --gate and by --option.", needed="One.", remedy="Leave one out."
         )
-    return configure_solver(kind, settings)
+    return configure(kind, settings)
 
 
 def _options(

@@ -43,7 +43,7 @@ def solvers(
 def _facts(solver: "type[NormalSolver[Any]]") -> dict[str, Any]:
     from dataclasses import asdict
 
-    from psstereo.normals import solver_options
+    from psstereo.method_options import options_of
 
     return {
         "summary": solver.summary,
@@ -51,7 +51,7 @@ def _facts(solver: "type[NormalSolver[Any]]") -> dict[str, Any]:
         "avoid": solver.avoid,
         "least_lights": solver.least_lights,
         "pays_from": solver.pays_from,
-        "options": [asdict(option) for option in solver_options(solver)],
+        "options": [asdict(option) for option in options_of(solver)],
     }
 
 

@@ -4,7 +4,7 @@ import importlib
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["SUITES", "suite_named"]
+__all__ = ["SUITES", "TAKE_A_FOLDER", "suite_named"]
 
 SUITES = {
     "accuracy": "error and time of the gates on scenes with known truth",
@@ -12,10 +12,15 @@ SUITES = {
     "lights": "error of every solver under 4 to 96 lights",
     "coverage": "how often the true normal lies inside the 95 % region, over noise, lights and shadows",
     "reading": "a folder of 16-bit images against decoding its files alone, with the memory taken",
+    "depth": "integrators on smooth surfaces, cliffs and rectangles, over sizes, and on normal maps with true depth",
+    "sfs": "shape from one image: error and time of every method, over sizes, and on captures of the user",
     "matching": "error over numbers of lights, and error and time against OpenCV's StereoSGBM",
     "forward": "rendering against writing the images, and against Mitsuba where it is installed",
 }
 """What each measures; the module and the function of a suite have its name."""
+
+TAKE_A_FOLDER = frozenset({"depth", "sfs"})
+"""Suites that measure on data of the user as well, and so take a `folder`."""
 
 
 def suite_named(name: str) -> Callable[..., Any]:

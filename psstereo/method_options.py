@@ -1,8 +1,9 @@
-"""A solver's options as words: listed with their types and meanings, read from text, written for the record.
+"""A method's options as words: listed with their types and meanings, read from text, written for the record.
 
-The options are the fields of the solver's dataclass, so that a new solver has nothing to declare twice: their types
-say how a word is read, their defaults stand in the class, and their meanings in its docstring under ``Attributes``. A
-field whose value is a member of a family names that family: ``field(metadata={"choices": FAMILY})``.
+A method is a frozen dataclass with a ``name``: a normal solver, an integrator, a way to shape from shading. Its options
+are its fields, so that a new method has nothing to declare twice: their types say how a word is read, their defaults
+stand in the class, and their meanings in its docstring under ``Attributes``. A field whose value is a member of a
+family names that family: ``field(metadata={"choices": FAMILY})``.
 """
 
 import inspect
@@ -13,22 +14,30 @@ from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, fields
 from enum import Enum
 from functools import partial
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from psstereo.catalogue import choose
 from psstereo.errors import OptionError
-from psstereo.normals.gate import GATES, Gate
-from psstereo.normals.solver import NormalSolver
 
-__all__ = ["SolverOption", "configure_solver", "solver_options", "solver_settings"]
+__all__ = ["Method", "MethodOption", "configure", "options_of", "settings_of"]
+
+
+class Method(Protocol):
+    """What has options: a dataclass with a name."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+    name: ClassVar[str]
+
+
+M = TypeVar("M", bound=Method)
 
 _WORDS = {"true": True, "yes": True, "on": True, "1": True, "false": False, "no": False, "off": False, "0": False}
 _NONE = "none"
 
 
 @dataclass(frozen=True, kw_only=True)
-class SolverOption:
-    """One option of a solver.
+class MethodOption:
+    """One option of a method.
 
     Attributes
     ----------
@@ -48,50 +57,50 @@ class SolverOption:
     meaning: str
 
 
-def solver_options(solver: type[NormalSolver[Any]]) -> tuple[SolverOption, ...]:
-    """List the options of a solver.
+def options_of(method: type[Method]) -> tuple[MethodOption, ...]:
+    """List the options of a method.
 
     Parameters
     ----------
-    solver : type
+    method : type
         A class of the catalogue.
 
     Returns
     -------
-    tuple of SolverOption
+    tuple of MethodOption
         In the order of declaration.
 
     Examples
     --------
     >>> from psstereo.normals import NORMAL_SOLVERS
-    >>> [option.name for option in solver_options(NORMAL_SOLVERS["least-squares"])]
+    >>> [option.name for option in options_of(NORMAL_SOLVERS["least-squares"])]
     ['gate']
     """
-    meanings = _meanings(solver)
+    meanings = _meanings(method)
     return tuple(
-        SolverOption(
+        MethodOption(
             name=entry.name,
             kind=_kind(entry, hint),
             default=_plain(_default(entry)),
             meaning=meanings.get(entry.name, ""),
         )
-        for entry, hint in _settable(solver)
+        for entry, hint in _settable(method)
     )
 
 
-def configure_solver(solver: type[NormalSolver[Any]], words: Mapping[str, str]) -> NormalSolver[Any]:
-    """Build a solver from words.
+def configure(method: type[M], words: Mapping[str, str]) -> M:
+    """Build a method from words.
 
     Parameters
     ----------
-    solver : type
+    method : type
         A class of the catalogue.
     words : mapping of str
         Values by option, as a person writes them; hyphens in names stand for underscores.
 
     Returns
     -------
-    NormalSolver
+    Method
         With all else at its defaults.
 
     Raises
@@ -102,37 +111,37 @@ def configure_solver(solver: type[NormalSolver[Any]], words: Mapping[str, str]) 
     Examples
     --------
     >>> from psstereo.normals import NORMAL_SOLVERS
-    >>> configure_solver(NORMAL_SOLVERS["least-squares"], {"gate": "none"}).gate.shadow
+    >>> configure(NORMAL_SOLVERS["least-squares"], {"gate": "none"}).gate.shadow
     False
     """
-    known = {entry.name: (entry, hint) for entry, hint in _settable(solver)}
+    known = {entry.name: (entry, hint) for entry, hint in _settable(method)}
     values: dict[str, Any] = {}
     for key, word in words.items():
-        entry, hint = choose(known, key.strip().replace("-", "_"), f"option of the solver {solver.name}")
+        entry, hint = choose(known, key.strip().replace("-", "_"), f"option of {method.name}")
         if entry.name in values:
             raise OptionError(
                 given=f"The option {entry.name} was given twice.", needed="One value.", remedy="Leave one of them out."
             )
         values[entry.name] = _read(entry, hint, word.strip())
-    return solver(**values)
+    return method(**values)
 
 
-def solver_settings(solver: NormalSolver[Any]) -> dict[str, Any]:
-    """Return a solver's options as plain values, for the record.
+def settings_of(method: Method) -> dict[str, Any]:
+    """Return a method's options as plain values, for the record.
 
     Examples
     --------
     >>> from psstereo.normals import LeastSquares
-    >>> solver_settings(LeastSquares())
+    >>> settings_of(LeastSquares())
     {'gate': 'auto'}
     """
-    return {entry.name: _plain(getattr(solver, entry.name)) for entry in fields(solver)}
+    return {entry.name: _plain(getattr(method, entry.name)) for entry in fields(method)}
 
 
-def _settable(solver: type[NormalSolver[Any]]) -> list[tuple[Field[Any], Any]]:
+def _settable(method: type[Method]) -> list[tuple[Field[Any], Any]]:
     """Return the fields that a word can set, with their types."""
-    hints = get_type_hints(solver)
-    every = [(entry, hints[entry.name]) for entry in fields(solver) if entry.init]
+    hints = get_type_hints(method)
+    every = [(entry, hints[entry.name]) for entry in fields(method) if entry.init]
     return [(entry, hint) for entry, hint in every if _kind(entry, hint)]
 
 
@@ -150,8 +159,6 @@ def _family(entry: Field[Any], hint: Any) -> Mapping[str, Any] | None:
         choices = entry.metadata["choices"]
         return dict(choices) if isinstance(choices, Mapping) else {str(one): one for one in choices}
     kind, _ = _bare(hint)
-    if kind is Gate:
-        return GATES
     if get_origin(kind) is Literal:
         return {str(one): one for one in get_args(kind)}
     if inspect.isclass(kind) and issubclass(kind, Enum):
@@ -214,11 +221,11 @@ def _plain(value: Any) -> Any:
     return str(getattr(value, "name", value))
 
 
-def _meanings(solver: type[NormalSolver[Any]]) -> dict[str, str]:
+def _meanings(method: type[Method]) -> dict[str, str]:
     """Return what the docstrings of a class and its bases say of each attribute, the class itself first."""
     pattern = re.compile(r"^Attributes\n-+\n(.*?)(?:\n\n\S+\n-+\n|\Z)", re.DOTALL | re.MULTILINE)
     meanings: dict[str, str] = {}
-    for one in solver.__mro__:
+    for one in method.__mro__:
         section = pattern.search(inspect.cleandoc(one.__doc__ or ""))
         if section is None:
             continue
