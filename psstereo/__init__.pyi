@@ -11,6 +11,7 @@ from .depth import Poisson as Poisson
 from .depth import Prior as Prior
 from .depth import curvature_from_normals as curvature_from_normals
 from .depth import integrate_normals as integrate_normals
+from .depth import integrate_tiled as integrate_tiled
 from .depth import normals_from_depth as normals_from_depth
 from .depth import relief_from_normals as relief_from_normals
 from .depth import triangulate as triangulate
@@ -69,6 +70,7 @@ from .results import Outcome as Outcome
 from .sfs import SHADING_METHODS as SHADING_METHODS
 from .sfs import ShadedImage as ShadedImage
 from .sfs import ShadingResult as ShadingResult
+from .sfs.terrain import refine_terrain as refine_terrain
 from .stack import FileStack as FileStack
 from .stack import MemoryStack as MemoryStack
 from .stack import Response as Response

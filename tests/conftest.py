@@ -14,6 +14,25 @@ settings.load_profile("repeatable")
 
 _ROOT = Path(__file__).resolve().parent.parent
 
+_COMPILING = ("tests/unit/kernels/",)
+"""What calls nearly every compiled loop."""
+_PLAIN = (
+    "tests/architecture/",
+    "tests/synth/",
+    *(f"tests/contract/test_{name}.py" for name in ("brdf", "camera", "fault", "light", "reader", "relief", "stack")),
+    *(f"tests/unit/{name}/" for name in ("brdf", "forward", "io", "lights", "metrics", "radiometry", "stack")),
+)
+"""What hardly calls any."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let one worker compile, where nothing is compiled yet, while others are at what needs no compiled loop.
+
+    pytest-xdist gives each worker a run of neighbours to begin with. In the order of folders all of them would arrive
+    at the first compiled loops at about the same time, and compile the same.
+    """
+    items.sort(key=lambda item: 0 if item.nodeid.startswith(_COMPILING) else 1 if item.nodeid.startswith(_PLAIN) else 2)
+
 
 @pytest.fixture(scope="session")
 def data_dir() -> Path:

@@ -18,6 +18,7 @@ from psstereo_cli.commands.reconstruct import reconstruct
 from psstereo_cli.commands.sfs import sfs
 from psstereo_cli.commands.solvers import solvers
 from psstereo_cli.commands.synth import synth
+from psstereo_cli.commands.terrain import terrain
 from psstereo_cli.failure import report_failure
 
 __all__ = ["app", "main"]
@@ -35,6 +36,7 @@ app = typer.Typer(
 app.command()(reconstruct)
 app.command()(integrate)
 app.command()(sfs)
+app.command()(terrain)
 app.command()(evaluate)
 app.command()(info)
 app.command()(solvers)

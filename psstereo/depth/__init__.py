@@ -14,6 +14,7 @@ from psstereo.depth.prior import Prior
 from psstereo.depth.relief import BandRelief, relief_from_normals
 from psstereo.depth.robust import LeastAbsolute
 from psstereo.depth.scale import with_distance
+from psstereo.depth.tiled import TiledResult, integrate_tiled
 from psstereo.depth.weighted import solve_weighted
 
 __all__ = [
@@ -28,9 +29,11 @@ __all__ = [
     "LeastAbsolute",
     "Poisson",
     "Prior",
+    "TiledResult",
     "curvature_from_normals",
     "free_constants",
     "integrate_normals",
+    "integrate_tiled",
     "normals_from_depth",
     "relief_from_normals",
     "solve_weighted",

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from psstereo.depth.discontinuity_evidence import cosines, edge_ends, pixel_pitch, plane_steps
+from psstereo.depth.discontinuity_evidence import centred_prior, cosines, edge_ends, pixel_pitch, plane_steps
 from psstereo.depth.domain import Domain
 from psstereo.depth.edges import EdgeSteps, components_of, edge_steps
 from psstereo.depth.integrator import Integrator, Solution
@@ -60,6 +60,7 @@ class Bilateral(Integrator):
     """
 
     name: ClassVar[str] = "bilateral"
+    takes_prior: ClassVar[bool] = True
     summary: ClassVar[str] = "Bilateral normal integration (Cao 2022), a baseline for depth jumps."
     exact_on_spheres: ClassVar[bool] = False
     steepness: float = 2.0
@@ -90,6 +91,7 @@ class Bilateral(Integrator):
         """Solve and share out anew in turns; see :meth:`Integrator.solve`."""
         sides = _Sides(domain)
         components = components_of(sides.plain, domain.inside)
+        prior, mean = centred_prior(domain, components)
         early = self.tolerance if domain.inside.size <= _SMALL else max(self.tolerance, self.round_tolerance)
         share = np.full(domain.inside.shape, 0.5)
         shares, values = (share, share), None
@@ -100,6 +102,8 @@ class Bilateral(Integrator):
             found = solve_weighted(
                 sides.steps(shares),
                 domain.inside,
+                prior=prior,
+                prior_weight=domain.prior_weight,
                 start=values,
                 components=components,
                 tolerance=self.tolerance if last else early,
@@ -125,7 +129,7 @@ class Bilateral(Integrator):
             "components_unsettled": int(np.count_nonzero(active)),
         }
         return Solution(
-            values=found.values,
+            values=found.values + mean,
             components=components,
             iterations=iterations,
             residual=found.residual,

@@ -10,19 +10,24 @@ equally well. What is left are statements about surfaces:
   the smaller jumps at the border's ends on the rim of the domain, since cliffs fade at their ends and not half-way;
   else that with the smaller jumps on the whole; if all are alike, the smaller piece, as an object before its
   background.
-* A piece that agrees with its neighbour along a good part of a border that is no outline stays where it is. (At an
-  outline agreement means nothing: a hidden surface begins where the outline ends by chance only.)
+* What is known stays where the prior has it.
+* Where a handle enters a pot, the border is no outline but a seam, and all of a seam's edges want the same move, so
+  that a good part of the rest of the border wanting one and the same tells where the piece belongs, as long as nothing
+  hidden comes to the front of what hides it. (At an outline agreement means nothing: a hidden surface begins where the
+  outline ends by chance only.)
 * Behind an outline nothing is seen of how far the hidden surface is away. It is at least behind the outline itself,
   which is the radius of curvature times the cosine of the slant beyond the last pixel; and a share of the radius
-  behind that.
+  behind that, or of the smaller piece's diameter: a small thing is not far from what it belongs to.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from psstereo.depth.discontinuity_evidence import Pair, cosines, edge_ends, plane_steps
+from psstereo.depth.discontinuity_parts import pieces_of
 from psstereo.depth.domain import Domain
 from psstereo.depth.edges import EdgeSteps
 from psstereo.results import DepthKind
@@ -30,12 +35,10 @@ from psstereo.types import BoolArray, FloatArray, IntArray
 
 __all__ = ["seat_pieces"]
 
-_HELD = 0.01
-"""Factor of an edge's weight from which it holds its ends together [1]."""
-_SMALLEST = 64
-"""Pixels below which a piece goes with the neighbour that holds it best [px]."""
 _TAIL = 0.05
 """Share of a border that may contradict the sign of the jump, as noise and mixed pixels do [1]."""
+_MIXED = 0.1
+"""Share of an outline that may have what it hides in front, as mixed pixels are many there [1]."""
 _AGREEING = 0.25
 """Share of a border that must fit for a piece to stay [1]."""
 _FITS = 1.0
@@ -48,6 +51,14 @@ _WITHIN = 1.0
 """Distance within which a surface must turn out of sight for its outline to be at an edge [px]."""
 _BACK = 2
 """Distance over which the outline's curvature is measured [px]."""
+_OUTLINED = 1.0 / 3.0
+"""Share of a border from which an outline decides where the pieces are [1]."""
+_SEAM = 0.1
+"""Share of a border that must be a seam that fits for its piece to be put there [1]."""
+_FEWEST = 6
+"""Edges that must fit to make a seam [1]."""
+_REACH = 2.0
+"""Radii of the smaller piece, taken for a disc, that count for the outline's radius at most [1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,8 +111,9 @@ def seat_pieces(
     *,
     pitch: float,
     behind: float,
+    prior: FloatArray | None = None,
 ) -> tuple[FloatArray, int]:
-    """Move the pieces that came loose to where they plausibly are.
+    """Move the pieces that came loose to where they plausibly are, or to where the prior wants them.
 
     Parameters
     ----------
@@ -117,6 +129,8 @@ def seat_pieces(
         Distance of neighbouring pixels [camera's unit, or 1].
     behind : float
         Share of an outline's radius that hidden surfaces lie behind it [1].
+    prior : float64 array (h, w), optional
+        Values wanted where the domain's prior has weight [camera's unit, or 1].
 
     Returns
     -------
@@ -125,49 +139,28 @@ def seat_pieces(
     moved : int
         Number of pieces that were parted from a neighbour.
     """
-    pieces = _pieces(domain.inside, plain, factor)
+    pieces = pieces_of(domain.inside, plain, factor)
     sizes = np.bincount(pieces[domain.inside])
     if sizes.size == 1:
         return values, 0
+    values, tied = _by_prior(domain, pieces, sizes.size, values, prior)
     nearer = -1.0 if domain.kind is DepthKind.DISTANCE else 1.0
     border = _border(domain, plain, pieces, values, nearer / pitch)
-    shift, moved = _seats(border, sizes.astype(np.float64), behind)
+    shift, moved = _seats(border, sizes.astype(np.float64), tied, behind)
     return np.where(domain.inside, values + nearer * pitch * shift[pieces], values), moved
 
 
-def _pieces(inside: BoolArray, plain: EdgeSteps, factor: tuple[FloatArray, FloatArray]) -> IntArray:
-    """Number the pieces that edges hold together, small ones with the neighbour that holds them best; 0 outside."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    index = np.cumsum(inside).reshape(inside.shape) - 1
-    there = plain.right_weight > 0, plain.down_weight > 0
-    start = np.concatenate([index[:, :-1][there[0]], index[:-1][there[1]]])
-    stop = np.concatenate([index[:, 1:][there[0]], index[1:][there[1]]])
-    kept = np.concatenate([factor[0][there[0]], factor[1][there[1]]])
-    weight = kept * np.concatenate([plain.right_weight[there[0]], plain.down_weight[there[1]]])
-
-    def joined(a: IntArray, b: IntArray, size: int) -> IntArray:
-        graph = coo_array((np.ones(a.size, np.int8), (a, b)), shape=(size, size))
-        return np.asarray(connected_components(graph, directed=False)[1])
-
-    held = kept > _HELD
-    piece = joined(start[held], stop[held], int(np.count_nonzero(inside)))
-    while True:
-        sizes = np.bincount(piece)
-        apart = piece[start] != piece[stop]
-        start, stop, weight = start[apart], stop[apart], weight[apart]
-        ends = np.concatenate([piece[start], piece[stop]]), np.concatenate([piece[stop], piece[start]])
-        small = sizes[ends[0]] < _SMALLEST
-        if not small.any():
-            break
-        order = np.lexsort((-np.concatenate([weight, weight])[small], ends[0][small]))
-        own, other = ends[0][small][order], ends[1][small][order]
-        best = np.unique(own, return_index=True)[1]
-        piece = joined(own[best], other[best], sizes.size)[piece]
-    pieces = np.zeros(inside.shape, np.intp)
-    pieces[inside] = piece
-    return pieces
+def _by_prior(
+    domain: Domain, pieces: IntArray, count: int, values: FloatArray, prior: FloatArray | None
+) -> tuple[FloatArray, BoolArray]:
+    """Move each piece of which something is known to its prior's weighted mean; return also which these are."""
+    if prior is None or domain.prior_weight is None:
+        return values, np.zeros(count, np.bool_)
+    weight, owner = domain.prior_weight[domain.inside], pieces[domain.inside]
+    held = np.bincount(owner, weight, count)
+    pull = np.bincount(owner, weight * (prior - values)[domain.inside], count)
+    own = np.where(held > 0, pull / np.where(held > 0, held, 1.0), 0.0)
+    return np.where(domain.inside, values + own[pieces], values), held > 0
 
 
 def _border(domain: Domain, plain: EdgeSteps, pieces: IntArray, values: FloatArray, scale: float) -> _Border:
@@ -227,8 +220,11 @@ def _radii(along: FloatArray, inside: BoolArray, ends: Pair, axis: int) -> tuple
     return before, behind
 
 
-def _seats(border: _Border, sizes: FloatArray, behind: float) -> tuple[FloatArray, int]:
-    """Join pieces pair by pair, longest border first, and return each piece's shift and the number of joints."""
+def _seats(border: _Border, sizes: FloatArray, tied: BoolArray, behind: float) -> tuple[FloatArray, int]:
+    """Join pieces pair by pair, longest border first, and return each piece's shift and the number of joints.
+
+    What is tied to a prior stays where it is.
+    """
     count = sizes.size
     shift, root, moved = np.zeros(count), np.arange(count), 0
     while True:
@@ -243,9 +239,12 @@ def _seats(border: _Border, sizes: FloatArray, behind: float) -> tuple[FloatArra
         a, b = divmod(int(keys[longest]), count)
         part = border.only(chosen, ends[0][chosen] != a)
         jump = part.jump + shift[part.second] - shift[part.first]
-        shift[root == b] += _move(part, jump, sizes[a], sizes[b], behind)
+        if not (tied[a] and tied[b]):
+            move = _move(part, jump, sizes[a], sizes[b], behind)
+            shift[root == (a if tied[b] else b)] += -move if tied[b] else move
         root[root == b] = a
         sizes[a] += sizes[b]
+        tied[a] |= tied[b]
         moved += 1
 
 
@@ -253,9 +252,13 @@ def _move(part: _Border, jump: FloatArray, size_first: float, size_second: float
     """Return by how much the second piece is to be moved nearer."""
     outlines = [_is_outline(part, k) for k in (0, 1)]
     shares = [float(outline.mean()) for outline in outlines]
-    if max(shares) > 0.5:
-        front = int(np.argmax(shares))
-        return _behind_outline(part, jump, front, outlines[front], behind)
+    front = int(np.argmax(shares))
+    touching = _contact(part, jump, front, outlines)
+    if touching is not None:
+        return touching
+    if shares[front] > _OUTLINED:
+        reach = _REACH * math.sqrt(min(size_first, size_second) / math.pi)
+        return _behind_outline(part, jump, front, outlines[front], behind=behind, reach=reach)
     if np.mean(np.abs(jump - part.chord) < _FITS) >= _AGREEING:
         return 0.0
     flatter = np.where(np.abs(part.by_first) < np.abs(part.by_second), part.by_first, part.by_second)
@@ -269,6 +272,27 @@ def _move(part: _Border, jump: FloatArray, size_first: float, size_second: float
     return -low if size_second < size_first else -high
 
 
+def _contact(part: _Border, jump: FloatArray, front: int, outlines: list[BoolArray]) -> float | None:
+    """Return the move by which most of the border that is no outline fits, None if that is not convincing.
+
+    Where a handle enters a pot, the border is a seam, and all its edges want the same move; elsewhere each wants
+    another. No move is taken that leaves what an outline hides in front of it.
+    """
+    sign = 1.0 if front == 0 else -1.0
+    seam = ~(outlines[0] | outlines[1])
+    wanted = np.sort(sign * (jump - part.chord)[seam])
+    if not (seam.any() and outlines[front].any()):
+        return None
+    fitting = np.searchsorted(wanted, wanted + 2.0 * _FITS, side="right") - np.arange(wanted.size)
+    least = float(np.quantile((sign * jump)[outlines[front]], 1.0 - _MIXED))
+    fitting = np.where(wanted + _FITS > least - _FITS, fitting, 0)
+    best = int(np.argmax(fitting))
+    count = int(fitting[best])
+    if count < max(_AGREEING * wanted.size, _SEAM * seam.size, _FEWEST):
+        return None
+    return -sign * float(np.median(wanted[best : best + count]))
+
+
 def _is_outline(part: _Border, end: int) -> BoolArray:
     """Return at which edges the surface at one end turns out of sight before the other end is reached."""
     cosine = part.cosine[end]
@@ -278,9 +302,11 @@ def _is_outline(part: _Border, end: int) -> BoolArray:
     return np.asarray(turns_away & (part.radius[end] * cosine**2 / (1.0 + sine) < _WITHIN))
 
 
-def _behind_outline(part: _Border, jump: FloatArray, front: int, outline: BoolArray, behind: float) -> float:
+def _behind_outline(
+    part: _Border, jump: FloatArray, front: int, outline: BoolArray, *, behind: float, reach: float
+) -> float:
     """Return by how much the second piece is to be moved nearer if the outline is that of one piece."""
     sign = 1.0 if front == 0 else -1.0
     radius = float(np.median(part.radius[front][outline]))
     hidden = (sign * jump + radius * part.cosine[front])[outline]
-    return -sign * (float(np.quantile(hidden, 1.0 - _TAIL)) + behind * radius)
+    return -sign * (float(np.quantile(hidden, 1.0 - _MIXED)) + behind * min(radius, reach))

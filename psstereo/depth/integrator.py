@@ -153,7 +153,7 @@ class Integrator(ABC):
             raise UnsupportedError(
                 given=f"The integrator {self.name} was given a prior depth.",
                 needed="It can work from normals alone only.",
-                remedy="Use the integrator poisson, or leave the prior out.",
+                remedy="Use the integrator poisson or discontinuity, or leave the prior out.",
             )
         values, weights = prior_values(prior, domain, camera)
         return replace(domain, prior=values, prior_weight=weights)

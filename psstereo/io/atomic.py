@@ -19,7 +19,19 @@ _LITTER = frozenset({".DS_Store", "Thumbs.db", "desktop.ini"})
 """What file managers leave behind."""
 _NAMES = frozenset({RECORD, "report.html"}) | _LITTER
 _STEMS = frozenset(
-    {"normals", "albedo", "depth", "uncertainty", "flags", "mesh", "verdicts", "elevation", "curvature", "relief"}
+    {
+        "normals",
+        "albedo",
+        "depth",
+        "uncertainty",
+        "flags",
+        "mesh",
+        "verdicts",
+        "elevation",
+        "curvature",
+        "relief",
+        "components",
+    }
 )
 """What a result folder may hold; one with anything else in it is somebody's work and is never removed."""
 _VERDICTS = "verdicts"

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from psstereo.camera import Camera
-from psstereo.errors import UnsupportedError
+from psstereo.errors import InputError, UnsupportedError
 from psstereo.flags import Flag
 from psstereo.lights import Light
 from psstereo.results import DepthResult, NormalsResult, Outcome
@@ -119,6 +119,7 @@ class ShadingMethod(ABC):
             If the image has no light at all.
         """
         self._refuse(image)
+        _require_light(image)
         started = time.perf_counter()
         found = self.solve(image, progress)
         seconds = time.perf_counter() - started
@@ -176,6 +177,17 @@ class ShadingMethod(ABC):
     @abstractmethod
     def solve(self, image: ShadedImage, progress: Progress) -> ShadingSolution:
         """Return the surface of an image that was checked; pixels outside ``image.inside`` may hold anything."""
+
+
+def _require_light(image: ShadedImage) -> None:
+    """Refuse an image that shows nothing."""
+    with np.errstate(invalid="ignore"):
+        if not (image.irradiance > 0).any():
+            raise InputError(
+                given=f"None of {int(np.count_nonzero(image.inside))} pixels is brighter than the ambient level.",
+                needed="Light on the surface.",
+                remedy="Check image, mask and ambient level.",
+            )
 
 
 def _common(image: ShadedImage) -> tuple[Assumption, ...]:

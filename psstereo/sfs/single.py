@@ -158,7 +158,8 @@ def image_of_photograph(
     light : Light or None
         The light; None estimates a distant one, by :func:`~psstereo.sfs.estimators.estimate_light`.
     albedo : float or None
-        Brightness of the surface where it faces the light; None takes it from the brightest part [full scale].
+        Brightness of the surface where it faces the light; None takes it from the brightest part, and under a lamp
+        as 1, which leaves the scale of distances free [full scale].
     ambient : float or None
         Level that is added everywhere; None takes it from the darkest part [full scale].
     mask : bool array (h, w), optional
@@ -197,7 +198,12 @@ def image_of_photograph(
 
 
 def _with_albedo(image: ShadedImage, strength: float | None) -> ShadedImage:
-    """Take the albedo from the brightest part of the image."""
+    """Take the albedo from the brightest part of the image; for a lamp it is only a matter of scale."""
+    if isinstance(image.light, Led):
+        sentence = "It is taken as 1: distances from the lamp have a free scale, which the square root of it settles."
+        return replace(
+            image, sources=(*image.sources, Assumption(name="albedo", basis=Basis.ASSUMED, sentence=sentence))
+        )
     if strength is None:
         raise UnsupportedError(
             given=f"The albedo is not given, and the light is of the kind {image.light.name}.",

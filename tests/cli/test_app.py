@@ -15,10 +15,13 @@ from psstereo_cli.execution import parse_floats, parse_size, threaded
 from psstereo_cli.failure import report_failure
 from psstereo_cli.record import finite
 
-COMMANDS = ("synth", "reconstruct", "integrate", "sfs", "evaluate", "info", "match", "solvers", "demo", "bench")
+COMMANDS = (
+    "synth", "reconstruct", "integrate", "sfs", "terrain", "evaluate", "info", "match", "solvers", "demo", "bench",
+)  # fmt: skip
 
 _SLOW_WRITING = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a suite in the background may have passed on to ignore it
 import psstereo.io.result_folder as folder_module
 whole = folder_module.write_normal_map
 def slow(*arguments, **keywords):
@@ -106,16 +109,18 @@ def test_lack_of_memory_and_trouble_with_the_disk_are_told(capsys):
 
 
 def test_an_error_while_the_pool_works_is_told_at_once():
+    begun = []
+
     def work(item):
+        begun.append(item)
         if item == 0:
             raise ValueError(item)
         time.sleep(0.05)
         return item
 
-    started = time.monotonic()
     with pytest.raises(ValueError, match="0"), threaded(2) as over:
         list(over(work, range(400)))
-    assert time.monotonic() - started < 5  # all of them would take ten seconds
+    assert len(begun) < 400  # what was queued is given up
 
 
 @pytest.mark.parametrize(
@@ -206,7 +211,7 @@ def interrupt_while_writing(environment, folder: Path, out: Path, number: signal
         beside = [p for p in out.parent.iterdir() if p.name.startswith(f".{out.name}-")]
         assert beside, "the half-written folder is there while the work goes on"
         process.send_signal(number)
-        output, errors = process.communicate(timeout=30)
+        output, errors = process.communicate(timeout=120)
     finally:
         process.kill()
         process.wait()
@@ -256,7 +261,7 @@ main()
         assert process.stdout is not None
         assert process.stdout.readline() == "decoding\n"
         process.send_signal(signal.SIGTERM)
-        _, errors = process.communicate(timeout=30)
+        _, errors = process.communicate(timeout=120)
     finally:
         process.kill()
         process.wait()

@@ -404,3 +404,23 @@ def test_relief_and_curvature_are_written_when_asked_for(run, given):
         assert str(bent["unit"]) == "1/mm"
         assert np.isfinite(bent["mean"]).sum() > 0.9 * SURFACE.mask.sum()
         assert (bent["largest"] >= bent["smallest"])[np.isfinite(bent["mean"])].all()
+
+
+def test_a_map_beyond_the_bound_of_memory_is_integrated_in_tiles(run, tmp_path):
+    surface = hills(700, 500, steepness=1.0)
+    np.save(tmp_path / "n.npy", np.where(surface.mask[..., None], surface.normals, np.nan))
+    done = run("integrate", tmp_path / "n.npy", "-o", tmp_path / "out", "--max-memory", "25MB", "--json")
+    assert done.code == 0
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"depth.npy", "components.npy", "run.json"}
+    error = (depth_of(tmp_path / "out") - surface.height)[surface.mask]
+    assert np.std(error) < 0.02
+    assert "tiles" in done.record["steps"][0]["reason"]
+    for words, told in (
+        (("--integrator", "l1"), ("l1", "Poisson")),
+        (("--convention", "directx"), ("directx",)),
+        (("--mask", tmp_path / "m.png"), ("--mask",)),
+    ):
+        assert_one_message(
+            run("integrate", tmp_path / "n.npy", "-o", tmp_path / "x", "--max-memory", "25MB", *words), told
+        )
+    assert_one_message(run("integrate", tmp_path / "n.png", "-o", tmp_path / "x", "--max-memory", "1MB"), (".npy",))

@@ -18,7 +18,7 @@ def sixteen_bits(capture):
 
 @pytest.fixture(scope="module")
 def sphere():
-    camera, depth, normals, mask = pinhole_sphere(64)
+    camera, depth, normals, mask = pinhole_sphere(32)
     capture = sixteen_bits(shoot(camera, depth, normals, mask, ring()))
     return capture, Truth(normals=normals, depth=depth), depth, mask
 
@@ -43,7 +43,7 @@ def test_every_layout_with_lamps_is_solved(run, tmp_path, sphere, layout, unit):
 
 
 def test_a_parallel_camera_of_known_pixel_size_is_solved(run, tmp_path):
-    camera, depth, normals, mask = parallel_sphere(48)
+    camera, depth, normals, mask = parallel_sphere(32)
     lamps = tuple(lamp.moved(np.eye(3), np.array([100.0, -100.0, 0.0])) for lamp in ring(aim=(0.0, 0.0, -650.0)))
     write_capture(sixteen_bits(shoot(camera, depth, normals, mask, lamps)), tmp_path / "in")
     done = run("reconstruct", tmp_path / "in", "-o", tmp_path / "out", "--json")

@@ -308,7 +308,8 @@ def test_the_same_seed_gives_the_same_bytes_on_any_number_of_threads(run, tmp_pa
 
 
 _SLOW = """
-import os, sys, time
+import os, signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that starts tests behind itself has it ignored
 import psstereo_synth.rendering.stage as stage
 import psstereo.io.capture_writer as writer
 where = sys.argv.pop(1)
@@ -346,7 +347,7 @@ def test_an_interrupted_run_leaves_nothing(environment, tmp_path, where, number,
         assert process.stdout.readline() == "at work\n"
         assert where == "rendering" or list(out.parent.iterdir())
         process.send_signal(number)
-        _, errors = process.communicate(timeout=30)
+        _, errors = process.communicate(timeout=120)
     finally:
         process.kill()
         process.wait()

@@ -298,7 +298,7 @@ class TestCommon:
         assert seen[-1] == 1.0
         assert min(seen) >= 0.0
 
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=12)
     @given(data=st.data())
     def test_any_mask_is_solved(self, integrator, camera, data):
         shape = data.draw(st.tuples(st.integers(1, 24), st.integers(1, 24)))

@@ -1,6 +1,7 @@
 """What every surface promises; a new one is tested by being listed in the catalogue."""
 
 import dataclasses
+import itertools
 import pickle
 
 import numpy as np
@@ -86,17 +87,17 @@ def test_it_is_a_frozen_value_with_a_name(relief):
         relief.anything = 1
 
 
-@pytest.mark.parametrize("shape", [(), (0,), (1,), (5, 7), (2, 3, 4)])
 @pytest.mark.parametrize("kind", [np.float64, np.float32])
-def test_shapes_are_kept_and_numbers_are_double(relief, shape, kind):
-    x, y = np.full(shape, 0.31, kind), np.full(shape, -0.42, kind)
-    x.flags.writeable = y.flags.writeable = False
-    found = relief.evaluate(x, y)
-    for part in (found.height, found.slope_x, found.slope_y):
-        assert isinstance(part, np.ndarray | np.float64)
-        assert part.shape == shape
-        assert part.dtype == np.float64
-        assert np.isfinite(part).all()
+def test_shapes_are_kept_and_numbers_are_double(relief, kind):
+    for shape in ((), (0,), (1,), (5, 7), (2, 3, 4)):
+        x, y = np.full(shape, 0.31, kind), np.full(shape, -0.42, kind)
+        x.flags.writeable = y.flags.writeable = False
+        found = relief.evaluate(x, y)
+        for part in (found.height, found.slope_x, found.slope_y):
+            assert isinstance(part, np.ndarray | np.float64)
+            assert part.shape == shape
+            assert part.dtype == np.float64
+            assert np.isfinite(part).all()
 
 
 def test_what_is_nowhere_is_unknown_altogether(relief):
@@ -112,12 +113,11 @@ def test_what_is_nowhere_is_unknown_altogether(relief):
     assert unknown[outside].all()
 
 
-@pytest.mark.parametrize("x", [np.nan, np.inf, -np.inf, 1e300, 0.0])
-@pytest.mark.parametrize("y", [np.nan, np.inf, -1e300])
-def test_places_without_numbers_have_no_surface(relief, x, y):
-    for u, v in ((x, y), (y, x)):
-        found = relief.evaluate(np.array([u]), np.array([v]))
-        assert np.isnan([found.height, found.slope_x, found.slope_y]).all()
+def test_places_without_numbers_have_no_surface(relief):
+    for x, y in itertools.product([np.nan, np.inf, -np.inf, 1e300, 0.0], [np.nan, np.inf, -1e300]):
+        for u, v in ((x, y), (y, x)):
+            found = relief.evaluate(np.array([u]), np.array([v]))
+            assert np.isnan([found.height, found.slope_x, found.slope_y]).all(), (u, v)
 
 
 def test_coordinates_of_different_shapes_are_refused(relief):

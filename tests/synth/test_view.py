@@ -1,80 +1,23 @@
 """What cameras see of surfaces: against closed forms, a search by brute force, and each other."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
 from psstereo.camera import Orthographic, Pinhole, Pose
-from psstereo.errors import InputError, UnsupportedError
 from psstereo_synth.shapes import (
     RELIEFS,
     Bowl,
     Cliffs,
-    Elevation,
     GaussianHills,
     HeightGrid,
     Plane,
-    Relief,
     Ripples,
     Sphere,
     Steps,
     Torus,
 )
-from psstereo_synth.view import View, centred_orthographic, centred_pinhole, relief_mesh, view_relief
-
-SHAPE = (80, 101)
-
-
-def turned(tilt, turn=0.3):
-    """Rotation of a camera that is tilted about its x axis, then turned about the scene's z axis."""
-    c, s = np.cos(tilt), np.sin(tilt)
-    a, b = np.cos(turn), np.sin(turn)
-    return np.array([[a, -b, 0], [b, a, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-
-
-def oblique(tilt=1.0, width=2.6, shape=SHAPE):
-    return *centred_orthographic(shape, width=width, rotation=turned(tilt)), shape
-
-
-def above(shape=SHAPE, focal=200.0, distance=4.0):
-    return *centred_pinhole(shape, focal=focal, distance=distance), shape
-
-
-def askance(shape=SHAPE):
-    camera = Pinhole(fx=150.0, fy=140.0, cx=48.0, cy=41.0, skew=3.0)
-    return camera, Pose.looking_at(np.array([1.4, -1.9, 1.6]), np.array([0.1, 0.0, 0.0])), shape
-
-
-VIEWS = {
-    "oblique": oblique,
-    "above": above,
-    "askance": askance,
-    "straight": lambda: (*centred_orthographic(SHAPE), SHAPE),
-}
-
-
-def bumpy_grid():
-    rows, columns = np.indices((12, 12))
-    return HeightGrid(heights=0.1 * np.sin(rows) * np.cos(0.8 * columns), spacing=(0.15, 0.17))
-
-
-def make(name):
-    return bumpy_grid() if name == "grid" else RELIEFS[name]()
-
-
-@cache
-def seen(name, where):
-    """Return surface, camera, pose, and what is seen; for all tests of the same pair."""
-    relief, (camera, pose, shape) = make(name), VIEWS[where]()
-    return relief, camera, pose, view_relief(relief, camera, pose, shape)
-
-
-def residual(relief, view):
-    """Largest |z − f(x, y)| across the surface [length]."""
-    p = view.geometry.points
-    found = relief.evaluate(p[:, 0], p[:, 1])
-    return np.abs((p[:, 2] - found.height) / np.hypot(1, np.hypot(found.slope_x, found.slope_y)))
+from psstereo_synth.view import centred_orthographic, centred_pinhole, relief_mesh, view_relief
+from tests.synth.viewed_surfaces import SHAPE, VIEWS, above, make, oblique, residual, seen, turned
 
 
 @pytest.mark.parametrize("where", VIEWS)
@@ -83,7 +26,7 @@ class TestEverySurface:
     def test_points_lie_on_it_and_face_the_camera(self, name, where):
         relief, _, _, view = seen(name, where)
         g = view.geometry
-        assert np.count_nonzero(g.mask) > 800
+        assert np.count_nonzero(g.mask) > 390
         assert residual(relief, view).max() < 5e-15
         found = relief.evaluate(g.points[:, 0], g.points[:, 1])
         n = np.stack([-found.slope_x, -found.slope_y, np.ones(len(g.points))], axis=1)
@@ -131,7 +74,7 @@ def test_a_sphere_in_closed_form(where):
     there = (gap > 0) & (z > 0)
     view = view_relief(Sphere(radius=0.9), camera, pose, shape)
     mask = view.geometry.mask
-    assert np.count_nonzero(there) > 1000
+    assert np.count_nonzero(there) > 490
     np.testing.assert_array_equal(mask, there)
     exact = (o + t[..., None] * d)[mask]
     assert np.abs(view.geometry.points - exact).max() < 1e-12
@@ -149,7 +92,7 @@ def test_a_bowl_in_closed_form(where):
         near, far = ((-b + side * np.sqrt(a * gap)) / a for side in (-1, 1))
         there = (gap > 0) & (o[..., 2] + near * d[..., 2] > 0) & (o[..., 2] + far * d[..., 2] < 0)
     view = view_relief(Bowl(radius=0.9), camera, pose, shape)
-    assert np.count_nonzero(there) > 500
+    assert np.count_nonzero(there) > 245
     np.testing.assert_array_equal(view.geometry.mask, there)
     assert np.abs(view.geometry.points - (o + far[..., None] * d)[there]).max() < 1e-12
 
@@ -329,50 +272,6 @@ def test_middle_of_the_picture():
         np.testing.assert_allclose(pose.position + 2.0 * rays, 0, atol=1e-15)
 
 
-@pytest.mark.parametrize("shape", [(0, 5), (5, 0), (-1, 5), (5,)])
-def test_pictures_without_pixels_are_refused(shape):
-    camera, pose = centred_orthographic((5, 5))
-    for call in (
-        lambda: view_relief(Sphere(), camera, pose, shape),
-        lambda: centred_orthographic(shape),
-        lambda: centred_pinhole(shape, focal=1.0, distance=1.0),
-    ):
-        with pytest.raises(InputError, match="at least one of each"):
-            call()
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_lengths_that_mean_nothing_are_refused(value):
-    with pytest.raises(InputError):
-        centred_orthographic((5, 5), width=value)
-    with pytest.raises(InputError):
-        centred_pinhole((5, 5), focal=1.0, distance=value)
-    with pytest.raises(InputError):
-        centred_pinhole((5, 5), focal=value, distance=1.0)
-    with pytest.raises(InputError):
-        view_relief(Sphere(), *centred_orthographic((5, 5)), (5, 5), scale=value)
-
-
-@pytest.mark.parametrize("samples", [0, -3, 2.5])
-def test_numbers_of_samples_that_mean_nothing_are_refused(samples):
-    with pytest.raises(InputError, match="samples"):
-        view_relief(Sphere(), *above(), samples=samples)
-
-
-@pytest.mark.parametrize("tilt", [np.pi / 2, 2.0, np.pi])
-def test_a_parallel_projection_from_below_is_refused(tilt):
-    with pytest.raises(InputError, match="below the sphere"):
-        view_relief(Sphere(), *oblique(tilt=tilt))
-
-
-@pytest.mark.parametrize("position", [(0, 0, 0.5), (0.2, 0.1, -3.0), (2.0, 0.0, -0.1), (0.0, 0.0, 0.9)])
-def test_a_pinhole_below_the_surface_is_refused(position):
-    with pytest.raises(InputError, match="below the sphere"):
-        view_relief(
-            Sphere(radius=0.9), Pinhole(fx=9.0, fy=9.0, cx=2.0, cy=2.0), Pose(position=np.array(position)), (5, 5)
-        )
-
-
 def test_a_camera_beside_a_hill_and_lower_than_its_top_is_fine():
     camera, pose = (
         Pinhole(fx=60.0, fy=60.0, cx=30.0, cy=30.0),
@@ -382,44 +281,6 @@ def test_a_camera_beside_a_hill_and_lower_than_its_top_is_fine():
     assert residual(Sphere(radius=0.9), view).max() < 1e-14
     assert view.geometry.mask[20:30, 30].all()
     np.testing.assert_allclose(np.linalg.norm(view.geometry.points, axis=1), 0.9, rtol=1e-14)
-
-
-def test_a_picture_that_sees_nothing_is_refused():
-    camera, pose = centred_orthographic((5, 5))
-    away = Pose(position=pose.position + np.array([10.0, 0, 0]))
-    with pytest.raises(InputError, match="None of the 25 pixels sees the sphere"):
-        view_relief(Sphere(), camera, away, (5, 5))
-    up = Pose(rotation=np.diag([1.0, -1, -1]), position=np.array([0, 0, 5.0]))
-    with pytest.raises(InputError, match="sees the sphere"):
-        view_relief(Sphere(), Pinhole(fx=5.0, fy=5.0, cx=2.0, cy=2.0), up, (5, 5))
-
-
-class Endless(Relief):
-    """A surface that does not say how far it reaches."""
-
-    name = "endless"
-    summary = "z = 0."
-
-    @property
-    def bounds(self):
-        return 0.0, 0.0
-
-    def evaluate(self, x, y):
-        return Elevation(height=0.0 * x, slope_x=0.0 * x, slope_y=0.0 * y)
-
-
-def test_surfaces_that_do_not_say_how_far_they_reach_are_seen_from_above_only():
-    assert view_relief(Endless(), *centred_orthographic((5, 5)), (5, 5)).geometry.mask.all()
-    with pytest.raises(UnsupportedError, match="how far it reaches"):
-        view_relief(Endless(), *above())
-    with pytest.raises(UnsupportedError):
-        relief_mesh(Endless(), 5)
-
-
-def test_views_of_other_sizes_are_refused():
-    view = view_relief(Sphere(), *centred_orthographic((5, 5)), (5, 5))
-    with pytest.raises(InputError, match="same image"):
-        View(camera=view.camera, pose=view.pose, geometry=view.geometry, depth=view.depth[:4])
 
 
 @pytest.mark.parametrize("name", RELIEFS)
@@ -444,14 +305,3 @@ def test_cells_of_meshes_are_about_square():
     vertices, _ = relief_mesh(HeightGrid(heights=np.zeros((5, 9)), spacing=(0.5, 0.25)), 41)
     assert len(vertices) == 41 * 11
     assert np.ptp(vertices, axis=0).tolist() == [4.0, 1.0, 0.0]
-
-
-@pytest.mark.parametrize("n", [1, 0, -4, 2.5])
-def test_meshes_of_no_cell_are_refused(n):
-    with pytest.raises(InputError):
-        relief_mesh(Plane(), n)
-
-
-def test_meshes_that_miss_the_surface_are_refused():
-    with pytest.raises(InputError, match="wholly on the sphere"):
-        relief_mesh(Sphere(), 3)

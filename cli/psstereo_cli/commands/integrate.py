@@ -73,6 +73,13 @@ def integrate(
         float | None,
         typer.Option(min=0, help="Write curvature.npz too, smoothed over so many pixels; 0 for none."),
     ] = None,
+    max_memory: Annotated[
+        str | None,
+        typer.Option(
+            help="Bound for the arrays, such as 2GB. A normal map that needs more is integrated in tiles from file to"
+            " file: an .npy file, integrator poisson; only the depth is written."
+        ),
+    ] = None,
     threads: Threads = None,
     overwrite: Overwrite = False,
     as_json: Json = False,
@@ -99,9 +106,10 @@ def integrate(
     from psstereo_cli.cameras import described_camera
     from psstereo_cli.console import progress_bars
     from psstereo_cli.derived import derive
-    from psstereo_cli.execution import available_threads
+    from psstereo_cli.execution import available_threads, parse_size
     from psstereo_cli.integration_record import integration_record, warnings_about
     from psstereo_cli.known_depth import load_prior
+    from psstereo_cli.large import integrate_large, too_large
     from psstereo_cli.settings import build_integrator
 
     require_free(out, overwrite=overwrite)  # told before the work, not after it
@@ -109,6 +117,15 @@ def integrate(
     count = threads or available_threads()
     method = build_integrator(integrator, option or [], threads=count)
     camera = described_camera(matrix, pixel_size)
+    bound = parse_size(max_memory)
+    if bound is not None and too_large(normals, bound):
+        unused = {"--weights": weights, "--prior": prior, "--distance": distance, "--relief": relief}
+        unused |= {"--curvature": curvature, "--mask": None if mask == "none" else mask}
+        record, converged = integrate_large(
+            normals, out, camera, method, convention, bound, unused=unused, overwrite=overwrite
+        )
+        _tell(out, record, converged=converged, as_json=as_json)
+        return
     started = time.perf_counter()
     given = read_normal_map(normals, convention=convention, variable=variable)
     shape = given.mask.shape[0], given.mask.shape[1]

@@ -99,7 +99,8 @@ def _coarse(problem: "Shaded") -> Any:
     from psstereo_synth.shading_problems import coarsened
 
     rough, sigma = coarsened(problem.height, _COARSE)
-    return Prior(depth=rough, sigma=sigma, unit=problem.image.camera.unit)
+    # Pixels of a block err together: each counts as one of as many as the block has.
+    return Prior(depth=rough, sigma=sigma * _COARSE, unit=problem.image.camera.unit)
 
 
 def _score(problem: "Shaded", result: "ShadingResult") -> dict[str, float]:

@@ -1,75 +1,35 @@
-"""From a scene to captures: what arrives, what comes back, what is left out, and the same bytes whoever works."""
-
-from concurrent.futures import ThreadPoolExecutor
-from importlib import import_module
+"""From a scene to captures: what arrives, what comes back, and what is refused."""
 
 import numpy as np
 import pytest
-import trimesh
 from scipy.ndimage import binary_dilation, map_coordinates
 
-from psstereo.brdf import BlinnPhong, Merl
 from psstereo.camera import Pose
-from psstereo.errors import InputError, OptionError, UnsupportedError
-from psstereo.io import write_capture
-from psstereo.lights import Ambient, Directional, Disc, Harmonics, Led, Polygon, Sun, Total
+from psstereo.errors import InputError
+from psstereo.lights import Directional, Led, Sun
 from psstereo.metrics import angular_error
 from psstereo.normals import GATES, LeastSquares, estimate_normals
 from psstereo.stack import Response
-from psstereo_synth.faults import DeadPixels, Duplicate, LightError, Motion, WrongOrder
-from psstereo_synth.meshes import TriangleMesh
-from psstereo_synth.meshes import view as mesh_view
-from psstereo_synth.meshes.opengl import OpenGLError
-from psstereo_synth.patterns import Checker, Constant
-from psstereo_synth.rendering import memory, render
+from psstereo_synth.patterns import Checker
+from psstereo_synth.rendering import render
 from psstereo_synth.rendering.occlusion import Occlusion
-from psstereo_synth.rigs import arc, ring, spiral
-from psstereo_synth.scenes import Material, Scene, Viewpoint
+from psstereo_synth.rigs import arc, spiral
+from psstereo_synth.scenes import Material
 from psstereo_synth.sensor import Sensor
-from psstereo_synth.shapes import Bowl, Cliffs, GaussianHills, Plane, Sphere, Steps, Torus
-from psstereo_synth.view import centred_orthographic, centred_pinhole
-
-RADIANCES = Sensor(bits=None, white=1.0)
-"""Delivers radiances as they are."""
-ALBEDO = 0.6
-OBLIQUE = np.array([0.6, 0.3, 0.5]) / np.linalg.norm([0.6, 0.3, 0.5])
-
-
-def suns(directions, strength=1000.0):
-    return tuple(Directional(direction=d, strength=strength) for d in np.atleast_2d(directions))
-
-
-def scene(surface, lights, size=48, *, cameras=None, **others):
-    shape = size if isinstance(size, tuple) else (size, size)
-    viewpoints = cameras or (centred_orthographic(shape),)
-    given = {"material": Material(albedo=Constant(albedo=ALBEDO)), "sensor": RADIANCES}
-    return Scene(
-        surface=surface,
-        viewpoints=tuple(Viewpoint(camera=camera, pose=pose) for camera, pose in viewpoints),
-        size=shape,
-        lights=tuple(lights),
-        **(given | others),
-    )
-
-
-def pinhole(size=48, position=(0.0, 0.0, 7.0), target=(0.0, 0.0, 0.0), focal=2.6):
-    camera, _ = centred_pinhole((size, size), focal=focal * size, distance=1.0)
-    return camera, Pose.looking_at(np.array(position), np.array(target))
-
-
-def slanted(size=48, position=(2.0, 1.0, 4.0)):
-    """A parallel camera that looks at the origin from somewhere, with the origin in the middle of its image."""
-    rotation = Pose.looking_at(np.array(position), np.zeros(3)).rotation
-    return centred_orthographic((size, size), rotation=rotation)
-
-
-def image(rendering, i=0):
-    return rendering.capture.stack.frame(i)[..., 0]
-
-
-def steps(rendering):
-    return {step.name: step for step in rendering.steps}
-
+from psstereo_synth.shapes import Bowl, Cliffs, GaussianHills, Plane, Sphere
+from psstereo_synth.view import centred_orthographic
+from tests.synth.rendering.rendered_scenes import (
+    ALBEDO,
+    OBLIQUE,
+    ambient,
+    image,
+    pair,
+    pinhole,
+    scene,
+    slanted,
+    steps,
+    suns,
+)
 
 # --- which way is which ---
 
@@ -189,10 +149,6 @@ def _counted(function, calls):
     return call
 
 
-def ambient():
-    return Ambient(radiance=[20.0])
-
-
 # --- exposure ---
 
 
@@ -309,152 +265,6 @@ def test_the_penumbra_of_a_cliff_is_as_wide_as_the_sun():
     assert isinstance(made.capture.rig.lights[0], Directional)  # as it would be written down
 
 
-# --- what is left out is not missed ---
-
-
-def pair(made, **forced):
-    return render(made)[0], render(made.changed(**forced))[0]
-
-
-def test_a_convex_surface_has_no_shadow(monkeypatch):
-    made = scene(Sphere(), suns(spiral(6, max_tilt=1.4)))
-    quick = render(made)[0]
-    assert not steps(quick)["cast shadows"].done
-    assert "convex" in steps(quick)["cast shadows"].reason
-    monkeypatch.setattr(Sphere, "convex", False)
-    slow = render(made)[0]
-    assert steps(slow)["cast shadows"].done
-    assert np.array_equal(quick.capture.stack.read(), slow.capture.stack.read())
-    lamps = made.changed(lights=tuple(Led(position=4 * d, axis=-d, mu=0.0, flux=[9e3]) for d in spiral(3)))
-    by_rays = render(lamps)[0].capture.stack.read()
-    monkeypatch.undo()
-    quick = render(lamps)[0]
-    assert not steps(quick)["cast shadows"].done
-    assert np.isclose(by_rays, quick.capture.stack.read()).mean() > 0.99  # facets throw shadows at the terminator
-
-
-def test_high_lights_need_no_sweep(monkeypatch):
-    made = scene(GaussianHills(), suns(spiral(6, max_tilt=0.3)))
-    quick = render(made)[0]
-    assert steps(quick)["cast shadows"].reason == "Every light stands higher than the steepest slope."
-    monkeypatch.setattr(Occlusion, "may_block", lambda *_: True)
-    monkeypatch.setattr("psstereo.forward.ReliefShadows.may_block", lambda *_: True)
-    slow = render(made)[0]
-    assert steps(slow)["cast shadows"].done
-    assert np.array_equal(quick.capture.stack.read(), slow.capture.stack.read())
-
-
-def test_high_suns_with_a_disc_need_no_sweep_either():
-    sun = Sun.of_irradiance([0.05, 0, 1], 1000.0)
-    made = render(scene(GaussianHills(), [sun]))[0]
-    assert not steps(made)["cast shadows"].done
-    assert "is exact" in steps(made)["quadrature over lights"].reason
-    low = render(scene(GaussianHills(), [Sun.of_irradiance([1, 0, 0.3], 1000.0)]))[0]
-    assert steps(low)["cast shadows"].done
-    assert "unblocked share" in steps(low)["quadrature over lights"].reason
-
-
-WIDE = [
-    Sun.of_irradiance(OBLIQUE, 1000.0, angular_radius=0.3),
-    Disc(centre=3 * OBLIQUE, axis=-OBLIQUE, radius=0.5, radiance=100.0),
-    Polygon(vertices=np.array([[-1, -1, 3], [-1, 1, 3], [1, 1, 3], [1, -1, 3.0]]), radiance=100.0),
-    Ambient(radiance=5.0),
-    Harmonics(coefficients=[1, 0, 0.5, 0, 0, 0, 0, 0, 0]),
-]
-
-
-@pytest.mark.parametrize("light", WIDE, ids=lambda light: light.name)
-def test_unblocked_light_on_a_matte_surface_needs_no_quadrature(light):
-    few, many = pair(scene(Sphere(), [light], beams=3), beams=300)
-    assert steps(few)["quadrature over lights"].reason.startswith(f"The irradiance of {light.name} light")
-    assert image(few).max() > 0
-    assert np.array_equal(image(few), image(many))
-
-
-def test_gloss_needs_quadrature():
-    shiny = Material(model=BlinnPhong, parameters={"specular": 0.3, "exponent": 50.0}, albedo=Constant(albedo=0.3))
-    few, many = pair(scene(Sphere(), [WIDE[1]], beams=4, material=shiny), beams=400)
-    assert steps(few)["quadrature over lights"].done
-    assert not np.allclose(image(few), image(many), rtol=1e-3)
-
-
-def test_the_light_of_the_surroundings_counts_where_steps_are_told():
-    made = render(scene(GaussianHills(), suns([0, 0, 1]), 16, ambient=ambient(), beams=20))[0]
-    assert steps(made)["cast shadows"].done
-    assert "20 directions stand for ambient light" in steps(made)["quadrature over lights"].reason
-    assert "ambient" in steps(made)["penumbra"].reason
-
-
-def test_a_convex_surface_sees_nothing_of_itself(monkeypatch):
-    made = scene(Sphere(), suns(spiral(3)), bounce=32)
-    quick = render(made)[0]
-    assert not steps(quick)["interreflection"].done
-    monkeypatch.setattr(import_module("psstereo_synth.rendering.render"), "_bounces", lambda _: True)
-    slow = render(made)[0]
-    assert steps(slow)["interreflection"].done
-    assert slow.capture.stack.read() == pytest.approx(quick.capture.stack.read(), abs=0.5)  # of 190
-
-
-def test_height_fields_load_no_opengl():
-    made = render(scene(GaussianHills(), suns([0, 0, 1]), 8))[0]
-    assert steps(made)["OpenGL"] == made.steps[0]
-    assert not steps(made)["OpenGL"].done
-
-
-# --- bounced light ---
-
-
-@pytest.mark.parametrize("camera", [centred_orthographic((65, 65)), pinhole(65)], ids=["straight", "pinhole"])
-@pytest.mark.parametrize("albedo", [0.3, 0.9])
-def test_one_bounce_in_a_bowl_is_the_same_everywhere(albedo, camera):
-    """Inside a sphere each part sees every other as dA / (4 π R²): E₁ = albedo · E_sun · π R² / (4 π R²)."""
-    material = Material(albedo=Constant(albedo=albedo))
-    (made,) = render(scene(Bowl(), suns([0, 0, 1]), 65, cameras=(camera,), bounce=256, material=material))
-    geometry = made.view.geometry
-    direct = albedo / np.pi * 1000 * geometry.normals[:, 2]
-    bounced = (image(made)[geometry.mask] - direct) * np.pi / albedo
-    assert bounced.mean() == pytest.approx(albedo * 1000 / 4, rel=0.025)
-    assert bounced.std() < 0.02 * bounced.mean()
-    assert steps(made)["interreflection"].done
-
-
-def test_coarser_patches_do_not_swallow_what_lies_under_them(monkeypatch):
-    monkeypatch.setattr(import_module("psstereo_synth.rendering.occlusion"), "_PATCHES", 33)
-    (made,) = render(scene(Bowl(), suns([0, 0, 1]), 64, bounce=128))
-    direct = ALBEDO / np.pi * 1000 * made.view.geometry.normals[:, 2]
-    bounced = (image(made)[made.capture.mask] - direct) * np.pi / ALBEDO
-    assert np.percentile(bounced, [2, 98]) == pytest.approx(ALBEDO * 1000 / 4, rel=0.12)
-
-
-def test_bounced_light_has_the_colours_of_light_and_surface():
-    paint, light = np.array([0.2, 0.4, 0.8]), np.array([300.0, 200.0, 100.0])
-    material = Material(albedo=Constant(albedo=paint))
-    (made,) = render(
-        scene(Bowl(), [Directional(direction=[0, 0, 1], strength=light)], 21, bounce=64, material=material)
-    )
-    shown = made.capture.stack.frame(0)[made.capture.mask]
-    direct = paint / np.pi * light * made.view.geometry.normals[:, 2:]
-    expected = paint / np.pi * paint * light / 4
-    assert (shown - direct).mean(axis=0) == pytest.approx(expected, rel=0.08)
-
-
-def test_a_measured_reflectance_has_no_part_that_bounces():
-    measured = Merl(table=np.full((90, 90, 180, 1), 0.2))
-    with pytest.raises(UnsupportedError, match="Bounced light"):
-        render(scene(Bowl(), suns([0, 0, 1]), 9, bounce=4, material=Material(model=measured)))
-    (made,) = render(scene(Bowl(), suns([0, 0, 1]), 9, material=Material(model=measured)))
-    assert made.truth.albedo is None
-    assert image(made).max() > 0
-
-
-def test_triangles_without_area_send_nothing_out():
-    corners = np.array([[-1, 0, 0], [1, 0, 0], [1, 2, 0], [-1, 2, 0], [-1, 0, 2], [1, 0, 2.0]])
-    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 4, 5], [0, 5, 1], [0, 1, 1]])
-    mesh = TriangleMesh(vertices=corners - [0, 1, 0], faces=faces)
-    (made,) = render(scene(mesh, suns([0, 0.7, 0.7]), 16, bounce=16), engine="rays")
-    assert np.isfinite(image(made)).all()
-
-
 # --- light that is there in every image ---
 
 
@@ -498,193 +308,3 @@ def test_a_medium_without_any_way_is_left_out():
     clear, foggy = pair(scene(Plane(), suns([0, 0, 1]), 8), extinction=0.2)
     assert not steps(foggy)["medium"].done
     assert np.array_equal(image(clear), image(foggy))
-
-
-# --- threads, seeds, faults ---
-
-
-HARD = scene(
-    Steps(),
-    [WIDE[1], WIDE[2], *suns(spiral(3))],
-    24,
-    sensor=Sensor(bits=12, full_well=3000.0, read_noise=4.0, prnu=0.01, dark_level=0.02),
-    faults=(Motion(rms=0.4), DeadPixels(dead=0.01, hot=0.01), WrongOrder(kind="swap"), LightError(strength=0.05)),
-    ambient=Ambient(radiance=3.0),
-    dark_frame=True,
-    bounce=8,
-    beams=12,
-    seed=3,
-)
-
-
-def content(made):
-    return [
-        part.tobytes()
-        for one in made
-        for part in (one.capture.stack.read(), one.capture.dark, one.truth.visibility, one.truth.normals)
-    ]
-
-
-@pytest.mark.parametrize("cameras", [None, (pinhole(24), pinhole(24, (0.5, 0.0, 6.0)))], ids=["one view", "two views"])
-def test_the_same_bytes_on_any_number_of_threads(cameras):
-    made = HARD
-    if cameras:
-        made = HARD.changed(viewpoints=tuple(Viewpoint(camera=camera, pose=pose) for camera, pose in cameras))
-    once = content(render(made))
-    for threads in (2, 3):
-        with ThreadPoolExecutor(threads) as pool:
-            assert content(render(made, over=pool.map)) == once
-
-
-def test_seeds():
-    once = render(HARD)[0].capture
-    other = render(HARD.changed(seed=4))[0].capture
-    noise = render(HARD.changed(sensor=Sensor(**{**vars(HARD.sensor), "seed": 1})))[0].capture
-    assert (once.stack.read() != other.stack.read()).any()
-    assert (once.stack.read() != noise.stack.read()).mean() > 0.3
-    fluxes = [[getattr(light, "flux", 0) for light in one.rig.lights] for one in (once, other, noise)]
-    assert fluxes[0] != fluxes[1]
-    assert fluxes[0] == fluxes[2]
-
-
-def test_lights_that_were_exchanged_are_exchanged_in_the_rig_alone():
-    plain = scene(Torus(), suns(ring(4, tilt=1.2)), 24)
-    right, wrong = render(plain)[0], render(plain.changed(faults=(WrongOrder(kind="cycle", by=1),)))[0]
-    assert np.array_equal(wrong.capture.stack.read(), right.capture.stack.read())
-    assert np.array_equal(wrong.capture.rig.directions, np.roll(right.capture.rig.directions, 1, axis=0))
-
-
-def test_an_image_that_is_there_twice_has_its_own_truth_twice():
-    plain = scene(Torus(), suns(ring(4, tilt=1.2)), 24)
-    right, wrong = render(plain)[0], render(plain.changed(faults=(Duplicate(image=3, of=1),)))[0]
-    assert np.array_equal(wrong.capture.rig.directions, right.capture.rig.directions)
-    same = [np.array_equal(image(wrong, i), image(wrong, j)) for i in range(4) for j in range(i)]
-    assert sum(same) == 1
-    for i in range(4):
-        (really,) = [j for j in range(4) if np.array_equal(image(wrong, i), image(right, j))]
-        assert np.array_equal(wrong.truth.visibility[i], right.truth.visibility[really])
-
-
-def test_errors_of_the_lights_are_the_same_for_all_views():
-    cameras = (centred_orthographic((8, 8)), slanted(8))
-    made = render(scene(Plane(), suns(spiral(3)), 8, cameras=cameras, faults=(LightError(direction=0.1),)))
-    in_scene = [one.capture.rig.directions @ one.view.pose.rotation.T for one in made]
-    assert in_scene[0] == pytest.approx(in_scene[1], abs=1e-12)
-    assert np.abs(in_scene[0] - spiral(3)).max() > 0.02
-
-
-def test_progress_counts_the_images():
-    told = []
-    render(scene(Plane(), suns(spiral(3)), 8), progress=lambda *step: told.append(step))
-    assert told == [("rendering", 1, 3), ("rendering", 2, 3), ("rendering", 3, 3)]
-
-
-# --- meshes ---
-
-
-def ball(subdivisions=4):
-    body = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.9)
-    return TriangleMesh(vertices=body.vertices, faces=body.faces, smooth=True)
-
-
-def test_a_mesh_of_a_ball_looks_like_the_ball():
-    lights = suns(spiral(4))
-    exact = render(scene(Sphere(), lights))[0]
-    made = render(scene(ball(), lights), engine="rays")[0]
-    both = exact.capture.mask & made.capture.mask
-    assert both.sum() > 0.95 * exact.capture.mask.sum()
-    difference = np.abs(exact.capture.stack.read() - made.capture.stack.read())[:, both]
-    assert np.percentile(difference, 98) < 2  # of 190
-    assert steps(made)["view of the mesh"].reason.endswith("as asked for.")
-    assert steps(made)["cast shadows"].reason == "Rays are cast at the mesh."
-
-
-def test_without_opengl_meshes_are_seen_by_rays(monkeypatch):
-    def broken(*_):
-        raise OpenGLError(given="There is no display.", needed="OpenGL.", remedy="Take rays.")
-
-    monkeypatch.setattr(mesh_view, "view_mesh_opengl", broken)
-    made = scene(ball(2), suns([0, 0, 1]), 16)
-    shown = render(made)[0]
-    assert "There is no display" in steps(shown)["view of the mesh"].reason
-    assert np.array_equal(image(shown), image(render(made, engine="rays")[0]))
-    with pytest.raises(OpenGLError, match="no display"):
-        render(made, engine="opengl")
-
-
-# --- all sizes, and what is refused ---
-
-
-@pytest.mark.parametrize("size", [(1, 1), (1, 6), (6, 1), (2, 2)], ids=str)
-@pytest.mark.parametrize("lights", [suns([0.8, 0.1, 0.2]), WIDE[1:2], WIDE[3:4]], ids=["sun", "disc", "ambient"])
-@pytest.mark.parametrize("kind", ["straight", "slanted", "pinhole", "mesh"])
-def test_the_smallest_images(size, lights, kind):
-    cameras = {
-        "straight": centred_orthographic(size),
-        "slanted": centred_orthographic(size, rotation=slanted()[1].rotation),
-        "pinhole": centred_pinhole(size, focal=4 * size[1], distance=8.0),
-        "mesh": centred_orthographic(size),
-    }
-    surface = ball(1) if kind == "mesh" else GaussianHills(steepness=2)
-    given = scene(surface, lights, size, cameras=(cameras[kind],), bounce=4, beams=8, sensor=Sensor(bits=None))
-    try:
-        (made,) = render(given, engine="rays")
-    except InputError as error:
-        assert "black under every light" in error.given or "sees" in error.given  # noqa: PT017
-        return
-    assert made.capture.stack.shape == (1, *size, 1)
-    assert np.isfinite(made.capture.stack.read()).all()
-
-
-def test_a_black_scene_has_no_exposure():
-    black = Material(albedo=Constant(albedo=0.0))
-    with pytest.raises(InputError, match="black under every light"):
-        render(scene(Sphere(), suns([0, 0, 1]), 8, material=black, sensor=Sensor()))
-    with pytest.raises(InputError, match="black under every light"):
-        render(scene(Plane(), suns([0, 0, -1]), 8, sensor=Sensor()))
-    (made,) = render(scene(Sphere(), suns([0, 0, 1]), 8, material=black))
-    assert image(made).max() == 0
-
-
-def test_channels_have_to_agree():
-    material = Material(albedo=Constant(albedo=(0.1, 0.2, 0.3)))
-    with pytest.raises(InputError, match="channels"):
-        render(scene(Plane(), suns([0, 0, 1], [1.0, 2.0]), 8, material=material))
-
-
-def test_engines_are_known_even_where_none_is_needed():
-    with pytest.raises(OptionError, match="opengl"):
-        render(scene(Plane(), suns([0, 0, 1]), 8), engine="openlg")
-
-
-def test_what_cannot_fit_into_memory_is_refused_before_it_begins(monkeypatch):
-    monkeypatch.setattr(memory, "_physical", lambda: 10**6)
-    with pytest.raises(InputError, match=r"24 images of 100 × 100 pixels from 1 viewpoints take more than 0\.0 GB"):
-        render(scene(Plane(), suns(spiral(24)), 100))
-    render(scene(Plane(), suns([0, 0, 1]), 8))
-    monkeypatch.setattr(memory, "_physical", lambda: None)
-    render(scene(Plane(), suns([0, 0, 1]), 100))
-
-
-def test_light_that_no_file_can_hold_stays_what_it_is_and_writers_refuse_it(tmp_path):
-    lights = (WIDE[3], *suns(spiral(2)))
-    (made,) = render(scene(Sphere(), lights, 16, sensor=Sensor()))
-    assert isinstance(made.capture.rig.lights[0], Ambient)
-    for layout in ("capture", "diligent", "lp"):
-        with pytest.raises(UnsupportedError, match="ambient"):
-            write_capture(made.capture, tmp_path / layout, layout, truth=made.truth)
-    assert not list(tmp_path.iterdir())
-
-
-def test_extended_lights_are_written_down_as_what_they_look_like_from_afar():
-    (made,) = render(scene(Sphere(), WIDE[:3], 16))
-    assert [type(light) for light in made.capture.rig.lights] == [Directional, Led, Led]
-
-
-def test_a_sum_of_lights():
-    both = Total(lights=(*suns([0, 0, 1]), Ambient(radiance=[20.0])))
-    (made,) = render(scene(Sphere(), [both], 16))
-    mask = made.capture.mask
-    expected = ALBEDO / np.pi * (1000 * made.view.geometry.normals[:, 2] + 20 * np.pi)
-    assert image(made)[mask] == pytest.approx(expected)
-    assert made.capture.rig.lights[0] is not None

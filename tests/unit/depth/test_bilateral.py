@@ -6,6 +6,7 @@ import pytest
 from psstereo.camera import Orthographic, Pinhole
 from psstereo.depth import Poisson
 from psstereo.depth.bilateral import Bilateral
+from psstereo.depth.prior import Prior
 from psstereo.errors import OptionError
 
 
@@ -109,3 +110,18 @@ def test_options_that_mean_nothing_are_refused(options):
     with pytest.raises(OptionError) as caught:
         Bilateral(**options)
     assert caught.value.remedy
+
+
+def test_a_known_point_fixes_the_height_and_many_place_both_sides_of_a_cliff():
+    rows, columns = np.indices((30, 32), dtype=float)
+    normals = np.broadcast_to([0.3, 0.1, 1.0], (30, 32, 3)).copy()
+    plane = -0.3 * columns + 0.1 * rows + 40.0
+    one = np.full((30, 32), np.nan)
+    one[4, 5] = plane[4, 5]
+    found = Bilateral().integrate(normals, Orthographic(), prior=Prior(depth=one, sigma=0.1, unit="px"))
+    np.testing.assert_allclose(found.depth, plane, atol=1e-6)
+    cliff = plane + np.where(columns < 16, 25.0, 0.0)
+    known = np.where((rows % 5 == 0) & (columns % 5 == 0), cliff, np.nan)
+    found = Bilateral().integrate(normals, Orthographic(), prior=Prior(depth=known, sigma=0.1, unit="px"))
+    apart = (columns <= 15) | (columns >= 20)  # in between nothing says where the cliff is
+    assert np.abs(found.depth - cliff)[apart].max() < 0.01

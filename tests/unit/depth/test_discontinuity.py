@@ -7,7 +7,11 @@ from psstereo.camera import Orthographic, Pinhole
 from psstereo.depth import Poisson
 from psstereo.depth.discontinuity import Discontinuity
 from psstereo.depth.discontinuity_evidence import bridged, edge_ends, medians, pixel_pitch, plane_steps, turning
+from psstereo.depth.discontinuity_parts import pieces_of
+from psstereo.depth.discontinuity_solve import Task, solve_apart
 from psstereo.depth.domain import make_domain
+from psstereo.depth.edges import EdgeSteps
+from psstereo.depth.prior import Prior
 from psstereo.errors import OptionError
 from psstereo.results import Outcome
 
@@ -239,3 +243,136 @@ def test_planes_predict_their_own_steps_from_both_ends(camera):
             np.testing.assert_allclose(step, truth[b] - truth[a], rtol=0, atol=1e-14)
     expected = (1 / 90 / 80) ** 0.5 if isinstance(camera, Pinhole) else 0.2
     assert pixel_pitch(domain) == pytest.approx(expected, rel=1e-12)
+
+
+def leaning_ellipsoid(size=SIZE):
+    """An ellipsoid that leans out of a wall: a seam at its foot, an outline around its upper end."""
+    x, y, mask = disc(size)
+    turn = np.radians(35.0)
+    axes = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
+    form = axes.T @ np.diag([1 / 38.0**2, 1 / 13.0**2, 1 / 13.0**2]) @ axes
+    flat = np.stack([x, y], axis=-1)
+    linear, constant = flat @ form[:2, 2], np.einsum("...i,ij,...j->...", flat, form[:2, :2], flat) - 1
+    root = linear**2 - form[2, 2] * constant
+    up = (-linear + np.sqrt(np.where(root > 0, root, np.nan))) / form[2, 2]
+    front = np.nan_to_num(up, nan=-99.0) > -12.0
+    normals = np.where(front[..., None], np.dstack([flat, up]) @ form, [0.0, 0.0, 1.0])
+    return normals, np.where(front, up, -12.0), mask
+
+
+def test_what_leans_out_of_a_wall_touches_it_at_its_seam():
+    (rms, median), (plain, _) = both(*leaning_ellipsoid())
+    assert plain > 3.0
+    assert rms < 0.5
+    assert median < 0.1
+
+
+def ball_on_a_wall(radius=30.0):
+    x, y, mask = disc()
+    ball = x**2 + y**2 < (radius - 0.3) ** 2
+    z = np.sqrt(np.where(ball, radius**2 - x**2 - y**2, 1.0))
+    normals = np.where(ball[..., None], np.dstack([x, y, z]) / radius, [0.0, 0.0, 1.0])
+    return normals, np.where(ball, z, -7.0), mask, ball
+
+
+@pytest.mark.parametrize("known", ["both", "ball", "wall"])
+def test_a_prior_seats_what_floats(known):
+    """A known point on each places both exactly; one alone fixes its own piece, and the other goes by plausibility."""
+    normals, truth, mask, ball = ball_on_a_wall()
+    depth = np.full(truth.shape, np.nan)
+    if known != "wall":
+        depth[60, 62] = truth[60, 62]
+    if known != "ball":
+        depth[20, 50] = truth[20, 50]
+    prior = Prior(depth=depth, sigma=0.5, unit="px")
+    found = Discontinuity().integrate(normals, CAMERA, mask=mask, prior=prior)
+    error = np.abs(found.depth - truth)
+    inner = ball & (np.hypot(*disc()[:2]) < 25)
+    behind = mask & (np.hypot(*disc()[:2]) > 35)
+    assert error[inner].max() < 0.1 or known == "wall"
+    assert error[behind].max() < 0.1 or known == "ball"
+    if known != "both":
+        free = Discontinuity().integrate(normals, CAMERA, mask=mask).depth
+        gap = np.median(found.depth[inner]) - np.median(found.depth[behind])
+        assert gap == pytest.approx(np.median(free[inner]) - np.median(free[behind]), abs=0.1)
+
+
+def test_a_prior_mends_a_common_tilt():
+    normals, truth, mask = surface(half_hill, jump=20.0, width=8.0)
+    tilted = normals + np.array([0.02, 0.01, 0.0])
+    coarse = np.where(mask, truth + np.random.default_rng(2).normal(0, 0.5, truth.shape), np.nan)
+    alone = Discontinuity().integrate(tilted, CAMERA, mask=mask)
+    fused = Discontinuity().integrate(
+        tilted, CAMERA, mask=mask, prior=Prior(depth=coarse, sigma=0.5, unit="px", angle=0.03)
+    )
+    assert errors(alone, truth, mask)[0] > 0.5
+    assert errors(fused, truth, mask)[0] < 0.3 * errors(alone, truth, mask)[0]
+    assert abs(np.mean((fused.depth - truth)[mask])) < 0.02
+
+
+@pytest.mark.parametrize(("gap", "count"), [(0, 2), (3, 2), (40, 1)])
+def test_a_crack_with_a_small_gap_parts_the_surface(gap, count):
+    shape = (100, 60)
+    inside = np.ones(shape, bool)
+    right, down = np.ones((100, 59)), np.ones((99, 60))
+    plain = EdgeSteps(
+        right=np.zeros_like(right), down=np.zeros_like(down), right_weight=right, down_weight=down, left_out=0
+    )
+    kept = np.ones_like(right)
+    kept[:, 30] = 1e-5
+    kept[50 : 50 + gap, 30] = 1.0
+    pieces = pieces_of(inside, plain, (kept, np.ones_like(down)))
+    assert pieces.max() + 1 == count
+    if count == 2:
+        assert (pieces[:, :31] == pieces[0, 0]).all()
+        assert (pieces[:, 31:] == pieces[0, -1]).all()
+
+
+def test_scattered_breaks_part_nothing():
+    rng = np.random.default_rng(0)
+    inside = np.ones((60, 60), bool)
+    right, down = np.ones((60, 59)), np.ones((59, 60))
+    plain = EdgeSteps(
+        right=np.zeros_like(right), down=np.zeros_like(down), right_weight=right, down_weight=down, left_out=0
+    )
+    factor = tuple(np.where(rng.random(part.shape) < 0.2, 1e-6, 1.0) for part in (right, down))
+    assert pieces_of(inside, plain, factor).max() == 0
+
+
+@pytest.mark.parametrize("with_prior", [False, True])
+def test_solving_parts_first_is_solving_all_at_once(with_prior):
+    """Against dense least squares, with a block that weights of 10⁻⁶ hold and a crack with loose ends."""
+    rng = np.random.default_rng(7)
+    shape = (9, 11)
+    size, index = 99, np.arange(99).reshape(9, 11)
+    factor = [rng.uniform(0.2, 1.0, (9, 10)), rng.uniform(0.2, 1.0, (8, 11))]
+    factor[0][:5, 4] = factor[1][4, :5] = 1e-6 * rng.uniform(0.5, 2.0, 5)
+    factor[0][6:, 7] = 1e-6
+    step = [rng.normal(size=part.shape) for part in factor]
+    ones = [np.ones_like(part) for part in factor]
+    plain = EdgeSteps(right=step[0], down=step[1], right_weight=ones[0], down_weight=ones[1], left_out=0)
+    prior, weight = (
+        (rng.normal(size=shape), np.where(rng.random(shape) < 0.1, 0.01, 0.0)) if with_prior else (None, None)
+    )
+    task = Task(
+        inside=np.ones(shape, bool),
+        plain=plain,
+        components=np.ones(shape, np.int32),
+        prior=prior,
+        prior_weight=weight,
+        max_iterations=500,
+        threads=1,
+        solves=1,
+    )
+    found = solve_apart(task, (factor[0], factor[1]), start=None, tolerance=1e-12).values
+    start = np.concatenate([index[:, :-1].ravel(), index[:-1].ravel()])
+    stop = np.concatenate([index[:, 1:].ravel(), index[1:].ravel()])
+    root = np.sqrt(np.concatenate([part.ravel() for part in factor]))
+    matrix = root[:, None] * (np.eye(size)[stop] - np.eye(size)[start])
+    wanted = root * np.concatenate([part.ravel() for part in step])
+    if with_prior:
+        matrix = np.concatenate([matrix, np.diag(np.sqrt(weight.ravel()))])
+        wanted = np.concatenate([wanted, np.sqrt(weight.ravel()) * prior.ravel()])
+    dense = np.linalg.lstsq(matrix, wanted, rcond=1e-14)[0].reshape(shape)
+    difference = found - dense
+    np.testing.assert_allclose(difference - (0.0 if with_prior else difference.mean()), 0.0, atol=2e-3)

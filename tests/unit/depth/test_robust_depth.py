@@ -7,6 +7,7 @@ from psstereo.camera import Orthographic
 from psstereo.depth import Poisson
 from psstereo.depth.domain import make_domain
 from psstereo.depth.edges import edge_steps
+from psstereo.depth.prior import Prior
 from psstereo.depth.robust import LeastAbsolute
 from psstereo.errors import OptionError
 
@@ -96,3 +97,18 @@ def test_options_that_mean_nothing_are_refused(options):
     with pytest.raises(OptionError) as caught:
         LeastAbsolute(**options)
     assert caught.value.remedy
+
+
+def test_wrong_points_of_a_prior_leave_little_trace():
+    normals, truth = bumps((40, 44))
+    tilted = normals + np.array([0.02, 0.0, 0.0])
+    rng = np.random.default_rng(3)
+    known = np.where(rng.random(truth.shape) < 0.2, 50.0 + truth + rng.normal(0, 0.3, truth.shape), np.nan)
+    known[rng.random(truth.shape) < 0.02] = 90.0
+    prior = Prior(depth=known, sigma=0.3, unit="px", angle=0.02)
+    error = [
+        np.sqrt(np.mean((m.integrate(tilted, Orthographic(), prior=prior).depth - 50.0 - truth) ** 2))
+        for m in (LeastAbsolute(), Poisson())
+    ]
+    assert error[0] < 0.25
+    assert error[1] > 10 * error[0]
