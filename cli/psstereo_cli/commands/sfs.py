@@ -64,6 +64,12 @@ def sfs(
     prior: PriorFile = None,
     prior_sigma: PriorSigma = None,
     prior_unit: PriorUnit = None,
+    silhouette: Annotated[
+        bool,
+        typer.Option(
+            "--silhouette", help="The mask is the object's outline: let it bulge in it where shading does not tell."
+        ),
+    ] = False,
     response: Annotated[
         str, typer.Option(help="Tone curve of the image file: linear, srgb, or the exponent of a gamma curve.")
     ] = "linear",
@@ -78,7 +84,7 @@ def sfs(
 
     Example: `psstereo sfs statue.png -o result --light 120,50 --mask mask.png`
 
-    One image of a capture: `psstereo sfs photos -o result --image 3`
+    One image of a capture: `psstereo sfs photos -o result --image 3 --mask auto --silhouette`
 
     A lamp at the lens: `psstereo sfs endoscope.png -o result --light eye --K K.txt --method eikonal --albedo 400`
 
@@ -87,6 +93,7 @@ def sfs(
     from psstereo.depth import triangulate
     from psstereo.io.atomic import require_free
     from psstereo.io.result_folder import write_result
+    from psstereo.sfs.silhouette import with_silhouette
     from psstereo_cli.console import progress_bars
     from psstereo_cli.execution import available_threads
     from psstereo_cli.settings import build_shading_method
@@ -96,6 +103,7 @@ def sfs(
     solver = build_shading_method(method, option or [], threads=threads or available_threads())
     shaded = _image(image, light, number, albedo, ambient, mask, _camera(matrix, pixel_size), response, gray)
     shaded, notes = _known(shaded, heights, prior, prior_sigma, prior_unit)
+    shaded = with_silhouette(shaded) if silhouette else shaded
     with progress_bars() as progress:
         result = solver.recover(shaded, progress=progress)
     mesh = triangulate(

@@ -130,6 +130,7 @@ def _photographs(folder: Path, threads: int, repeats: int, over: "Map", progress
     from psstereo.metrics import summarise_angles
     from psstereo.normals import estimate_normals
     from psstereo.sfs import SHADING_METHODS
+    from psstereo.sfs.silhouette import with_silhouette
     from psstereo.sfs.single import image_of_capture, most_frontal
 
     places = sorted(path for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []
@@ -152,6 +153,12 @@ def _photographs(folder: Path, threads: int, repeats: int, over: "Map", progress
             name: partial(kind(threads=threads).recover, image)
             for name, kind in SHADING_METHODS.items()
             if kind.any_mask and image.inside.sum() <= _LARGEST.get(name, image.inside.size)
+        }
+        outlined = with_silhouette(image)
+        work |= {
+            f"{name}, silhouette": partial(kind(threads=threads).recover, outlined)
+            for name, kind in SHADING_METHODS.items()
+            if kind.takes_prior
         }
         work["flat"] = partial(_flat, image)
         sizes = {"pixels": int(image.inside.sum())}
