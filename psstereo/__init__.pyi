@@ -63,6 +63,7 @@ from .normals.strengths import estimate_strengths as estimate_strengths
 from .normals.uncalibrated import find_lights as find_lights
 from .pipeline import Options as Options
 from .pipeline import Reconstruction as Reconstruction
+from .pipeline import plan_capture as plan_capture
 from .pipeline import reconstruct as reconstruct
 from .results import DepthResult as DepthResult
 from .results import NormalsResult as NormalsResult

@@ -14,6 +14,7 @@ from psstereo_cli.commands.evaluate import evaluate
 from psstereo_cli.commands.info import info
 from psstereo_cli.commands.integrate import integrate
 from psstereo_cli.commands.match import match
+from psstereo_cli.commands.plan import plan
 from psstereo_cli.commands.reconstruct import reconstruct
 from psstereo_cli.commands.sfs import sfs
 from psstereo_cli.commands.solvers import solvers
@@ -34,6 +35,7 @@ app = typer.Typer(
 )
 
 app.command()(reconstruct)
+app.command()(plan)
 app.command()(integrate)
 app.command()(sfs)
 app.command()(terrain)

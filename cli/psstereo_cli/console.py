@@ -76,6 +76,7 @@ class _Bars:
         self._started = time.monotonic()
         self._drawn: Bars | None = None
         self._tasks: dict[str, TaskID] = {}
+        self._done: dict[str, int] = {}
 
     def __call__(self, stage: str, done: int, total: int, /) -> None:
         if self._drawn is None:
@@ -84,6 +85,9 @@ class _Bars:
             self._drawn = self._draw()
         if stage not in self._tasks:
             self._tasks[stage] = self._drawn.add_task(stage, total=total)
+        if done < self._done.get(stage, 0):  # begun anew, and the time left is that of the new round
+            self._drawn.reset(self._tasks[stage], total=total)
+        self._done[stage] = done
         self._drawn.update(self._tasks[stage], completed=done, total=total)
 
     @staticmethod

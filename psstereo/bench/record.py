@@ -12,13 +12,13 @@ from psstereo.errors import InputError
 
 __all__ = ["SCHEMA", "Record", "read_records", "write_records"]
 
-SCHEMA = 1
+SCHEMA = 2
 """Number of the records' present form; it grows when a field changes its meaning."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """One measurement.
+    """One measurement, or that a method declined.
 
     Attributes
     ----------
@@ -27,13 +27,15 @@ class Record:
     repeat : int
         Count of the repetition, from 0.
     seconds : mapping
-        Wall-clock time by stage, with ``total`` [s].
+        Wall-clock time by stage, with ``total``; empty if the method declined [s].
     error : mapping
         Figures of the error by name, empty where only time was measured.
     sizes : mapping
-        Lights, pixels and what else the time depends on.
+        Lights, pixels and what else time or error depends on.
     memory : int or None
         Largest memory of the process so far [byte].
+    declined : str or None
+        Why the method refused the problem; None where it was measured.
     versions, machine : mapping
         Where it was measured.
     schema : int
@@ -46,8 +48,9 @@ class Record:
     repeat: int
     seconds: Mapping[str, float]
     error: Mapping[str, float] = field(default_factory=dict)
-    sizes: Mapping[str, int] = field(default_factory=dict)
+    sizes: Mapping[str, float] = field(default_factory=dict)
     memory: int | None = None
+    declined: str | None = None
     versions: Mapping[str, str] = field(default_factory=versions)
     machine: Mapping[str, str | int] = field(default_factory=machine)
     schema: int = SCHEMA
@@ -89,8 +92,12 @@ def _check_types(content: Mapping[str, Any]) -> None:
     for key in numbers:
         entries = content[key]
         good = good and isinstance(entries, dict) and all(_is_number(v) for v in entries.values())
-    if not good or "total" not in content["seconds"]:
+    declined = content["declined"]
+    good = good and (declined is None or (isinstance(declined, str) and bool(declined)))
+    if not good or (declined is None and "total" not in content["seconds"]):
         raise _no_record("a field has the wrong type, or the total time is missing")
+    if declined is not None and (content["seconds"] or content["error"]):
+        raise _no_record("the method declined, and yet it has figures")
 
 
 def _is_number(value: object) -> bool:

@@ -1,20 +1,27 @@
 """Measuring: methods side by side on the same problem, in turn, so that a drifting machine hits all of them alike."""
 
+import math
 import statistics
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from typing import Any
 
 from psstereo.bench.environment import peak_memory
 from psstereo.bench.problem import Problem
 from psstereo.bench.record import Record
-from psstereo.errors import InputError
+from psstereo.capture import Capture, Truth
+from psstereo.errors import InputError, PsstereoError, RigError, UnsupportedError
 from psstereo.metrics import summarise_angles
 from psstereo.normals import NormalSolver, estimate_normals
+from psstereo.results import NormalsResult
 from psstereo.types import Map, Progress, no_progress
 
-__all__ = ["Summary", "run_solvers", "run_timed", "summarise"]
+__all__ = ["DECLINES", "Summary", "run_solvers", "run_timed", "summarise", "why_declined"]
+
+DECLINES = (RigError, UnsupportedError)
+"""Errors by which a method says that a problem is not for it; all others end the run."""
 
 _ERRORS = ("mean_deg", "median_deg", "rmse_deg", "p95_deg", "max_deg", "coverage")
 
@@ -25,6 +32,7 @@ def run_solvers(
     methods: Mapping[str, NormalSolver[Any]],
     *,
     repeats: int = 3,
+    warm_up: bool = True,
     over: Map = map,
     progress: Progress = no_progress,
 ) -> list[Record]:
@@ -39,7 +47,10 @@ def run_solvers(
     methods : mapping
         Solvers by name.
     repeats : int
-        Rounds; in each round every method has one turn. The first is preceded by one that does not count.
+        Rounds; in each round every method has one turn.
+    warm_up : bool
+        Whether a round that does not count goes before the first. Without it the first method to load or compile
+        something pays for all.
     over : map-like
         Executes the work.
     progress : callable
@@ -48,41 +59,55 @@ def run_solvers(
     Returns
     -------
     list of Record
-        One a problem, method and round.
+        One a problem, method and round; a single one of a method that declined the problem.
     """
     records = []
     chosen = list(problems)
-    total, done = len(chosen) * (repeats + 1) * len(methods), 0
+    first = -1 if warm_up else 0
+    total, done = len(chosen) * (repeats - first) * len(methods), 0
     for problem in chosen:
         capture, truth = problem.make()
-        for repeat in range(-1, repeats):
+        m, h, w, _ = capture.stack.shape
+        sizes = {"lights": m, "width": w, "height": h, "pixels": int(capture.effective_mask.sum())}
+        note = partial(Record, suite=suite, problem=problem.name, sizes=sizes)
+        remaining = dict(methods)
+        for repeat in range(first, repeats):
             for name, solver in methods.items():
-                started = time.perf_counter()
-                result = estimate_normals(capture, solver, over=over)
-                seconds = {**result.seconds, "total": time.perf_counter() - started}
                 done += 1
+                if name in remaining:
+                    started = time.perf_counter()
+                    try:
+                        result = estimate_normals(capture, solver, over=over)
+                    except DECLINES as refusal:
+                        del remaining[name]
+                        records.append(note(method=name, repeat=0, seconds={}, declined=why_declined(refusal)))
+                        continue
+                    seconds = {**result.seconds, "total": time.perf_counter() - started}
+                    if repeat >= 0:
+                        error = _angles_off(result, capture, truth)
+                        records.append(
+                            note(method=name, repeat=repeat, seconds=seconds, error=error, memory=peak_memory())
+                        )
                 progress(f"suite {suite}", done, total)
-                if repeat < 0:
-                    continue
-                error: dict[str, float] = {}
-                if truth.normals is not None:
-                    angles = asdict(summarise_angles(result.normals, truth.normals, capture.mask))
-                    error = {key: float(angles[key]) for key in _ERRORS}
-                m, h, w, _ = capture.stack.shape
-                sizes = {"lights": m, "width": w, "height": h, "pixels": int(result.facts["pixels"])}
-                records.append(
-                    Record(
-                        suite=suite,
-                        problem=problem.name,
-                        method=name,
-                        repeat=repeat,
-                        seconds=seconds,
-                        error=error,
-                        sizes=sizes,
-                        memory=peak_memory(),
-                    )
-                )
     return records
+
+
+def _angles_off(result: NormalsResult, capture: Capture, truth: Truth) -> dict[str, float]:
+    if truth.normals is None:
+        return {}
+    angles = asdict(summarise_angles(result.normals, truth.normals, capture.mask))
+    return {key: float(angles[key]) for key in _ERRORS if math.isfinite(angles[key])}
+
+
+def why_declined(refusal: PsstereoError) -> str:
+    """Return a refusal in one line: what was given, and what the method needs.
+
+    Parameters
+    ----------
+    refusal : PsstereoError
+        What the method raised.
+    """
+    return f"{refusal.given} {refusal.needed}"
 
 
 def run_timed(
@@ -91,7 +116,7 @@ def run_timed(
     methods: Mapping[str, Callable[[], object]],
     *,
     repeats: int,
-    sizes: Mapping[str, int],
+    sizes: Mapping[str, float],
     score: Callable[[Any], Mapping[str, float]] = lambda _answer: {},
     progress: Progress = no_progress,
 ) -> list[Record]:
@@ -115,47 +140,50 @@ def run_timed(
     Returns
     -------
     list of Record
-        One a method and round.
+        One a method and round; a single one of a method that declined.
     """
     records = []
+    remaining = dict(methods)
+    note = partial(Record, suite=suite, problem=problem, sizes=sizes)
     for repeat in range(-1, repeats):
         for i, (name, work) in enumerate(methods.items(), start=1):
-            started = time.perf_counter()
-            answer = work()
-            seconds = time.perf_counter() - started
-            error = score(answer) if repeat >= 0 else {}
-            del answer  # the next piece of work must not share the machine's memory with it
+            if name in remaining:
+                started = time.perf_counter()
+                try:
+                    answer = work()
+                except DECLINES as refusal:
+                    del remaining[name]
+                    records.append(note(method=name, repeat=0, seconds={}, declined=why_declined(refusal)))
+                    continue
+                seconds = {"total": time.perf_counter() - started}
+                error = score(answer) if repeat >= 0 else {}
+                del answer  # the next piece of work must not share the machine's memory with it
+                if repeat >= 0:
+                    records.append(note(method=name, repeat=repeat, seconds=seconds, error=error, memory=peak_memory()))
             progress(f"suite {suite}", (repeat + 1) * len(methods) + i, (repeats + 1) * len(methods))
-            if repeat >= 0:
-                records.append(
-                    Record(
-                        suite=suite,
-                        problem=problem,
-                        method=name,
-                        repeat=repeat,
-                        seconds={"total": seconds},
-                        error=error,
-                        sizes=sizes,
-                        memory=peak_memory(),
-                    )
-                )
     return records
 
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """Medians over the rounds of one method on one problem.
+    """Medians over the rounds of one method on one problem; or that it declined.
 
     Attributes
     ----------
     problem, method : str
         What was measured.
     seconds : float
-        Median total time [s].
+        Median total time; NaN if it declined [s].
     ratio : float
-        Median over the rounds of its time over the baseline's in the same round [1].
+        Median over the rounds of its time over the baseline's in the same round; NaN if either declined [1].
     error : mapping
         Median figures of the error.
+    spread : float
+        Distance between the quartiles of the total time, or between both values of two; 0 for one round [s].
+    sizes : mapping
+        What time or error depends on.
+    declined : str or None
+        Why it refused the problem.
     """
 
     problem: str
@@ -163,6 +191,9 @@ class Summary:
     seconds: float
     ratio: float
     error: Mapping[str, float]
+    spread: float = 0.0
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    declined: str | None = None
 
 
 def summarise(records: Sequence[Record], baseline: str | None) -> list[Summary]:
@@ -188,23 +219,38 @@ def summarise(records: Sequence[Record], baseline: str | None) -> list[Summary]:
     first: dict[str, str] = {}
     for record in records:
         first.setdefault(record.problem, record.method if baseline is None else baseline)
-    base = {(r.problem, r.repeat): r.seconds["total"] for r in records if r.method == first[r.problem]}
+    base = {(r.problem, r.repeat): r for r in records if r.method == first[r.problem]}
+    unasked = {problem for (problem, _), record in base.items() if record.declined is not None}
     groups: dict[tuple[str, str], list[Record]] = {}
     for record in records:
-        if (record.problem, record.repeat) not in base:
+        known = (record.problem, record.repeat) in base or record.problem in unasked or record.declined is not None
+        if not known:
             raise InputError(
                 given=f"Round {record.repeat} of the problem {record.problem!r} has no record of {baseline!r}.",
                 needed="Ratios need the baseline in each round.",
                 remedy="Measure it too, or choose another baseline.",
             )
         groups.setdefault((record.problem, record.method), []).append(record)
-    return [
-        Summary(
-            problem=problem,
-            method=method,
-            seconds=statistics.median(r.seconds["total"] for r in group),
-            ratio=statistics.median(r.seconds["total"] / base[problem, r.repeat] for r in group),
-            error={key: statistics.median(r.error[key] for r in group) for key in group[0].error},
-        )
-        for (problem, method), group in groups.items()
-    ]
+    return [_summary(group, {} if problem in unasked else base) for (problem, _), group in groups.items()]
+
+
+def _summary(group: Sequence[Record], base: Mapping[tuple[str, int], Record]) -> Summary:
+    one = group[0]
+    make = partial(Summary, problem=one.problem, method=one.method, sizes=one.sizes)
+    if one.declined is not None:
+        return make(seconds=math.nan, ratio=math.nan, error={}, declined=one.declined)
+    times = [r.seconds["total"] for r in group]
+    ratios = [t / base[r.problem, r.repeat].seconds["total"] for t, r in zip(times, group, strict=True) if base]
+    return make(
+        seconds=statistics.median(times),
+        ratio=statistics.median(ratios) if ratios else math.nan,
+        error={key: statistics.median(r.error[key] for r in group if key in r.error) for key in one.error},
+        spread=_between_quartiles(times),
+    )
+
+
+def _between_quartiles(times: Sequence[float]) -> float:
+    if len(times) < 3:
+        return max(times) - min(times)
+    lower, _, upper = statistics.quantiles(times, n=4, method="inclusive")
+    return upper - lower

@@ -252,7 +252,12 @@ def _ambient_share(answer: Answer) -> list[float] | None:
     return [float(value) for value in np.quantile(share, [0.05, 0.5, 0.95])] if len(share) else None
 
 
+_STRAY = 0.01
+"""Share of pixels up to which those that did not converge are told by their flags alone."""
+
+
 def _outcome(answer: Answer, lost: int) -> Outcome:
-    if (answer.flags & np.uint16(Flag.NOT_CONVERGED)).any():
+    stuck = int(np.count_nonzero(answer.flags & np.uint16(Flag.NOT_CONVERGED)))
+    if stuck > _STRAY * len(answer.flags):
         return Outcome.NOT_CONVERGED
-    return Outcome.PARTIAL if lost else Outcome.SOLVED
+    return Outcome.PARTIAL if lost or stuck else Outcome.SOLVED

@@ -55,6 +55,7 @@ PUBLIC = [
     "NearResult",
     "NORMAL_SOLVERS",
     "normals_from_depth",
+    "plan_capture",
     "NormalsResult",
     "Options",
     "Orthographic",

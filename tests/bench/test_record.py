@@ -36,11 +36,12 @@ def test_a_record_comes_back(name, repeat, seconds, error, sizes, memory):  # no
 
 def test_the_fields_are_frozen():
     assert [f.name for f in fields(Record)] == [
-        "suite", "problem", "method", "repeat", "seconds", "error", "sizes", "memory", "versions", "machine", "schema",
+        "suite", "problem", "method", "repeat", "seconds", "error", "sizes", "memory", "declined",
+        "versions", "machine", "schema",
     ]  # fmt: skip
-    assert SCHEMA == 1
+    assert SCHEMA == 2
     content = json.loads(PLAIN.to_json())
-    assert content["schema"] == 1
+    assert content["schema"] == 2
     assert {"python", "psstereo", "numpy"} <= set(content["versions"])
     assert set(content["machine"]) == {"system", "architecture", "processors"}
 
@@ -53,6 +54,11 @@ def test_files_hold_one_record_a_line(tmp_path):
     assert read_records(path) == records
     path.write_text("\n" + path.read_text(encoding="utf-8") + "\n\n", encoding="utf-8")
     assert read_records(path) == records
+
+
+def test_who_declines_has_a_reason_and_no_figures():
+    record = Record(suite="s", problem="p", method="m", repeat=0, seconds={}, declined="There are 3 lights.")
+    assert Record.from_json(record.to_json()) == record
 
 
 def changed(**entries):
@@ -72,8 +78,8 @@ def without(key):
         ("", "Expecting value"),
         ("[1, 2]", "no object"),
         ("null", "no object"),
-        (changed(schema=2), "schema 2"),
-        (json.dumps({"schema": 2, "other": "fields"}), "schema 2"),
+        (changed(schema=1), "schema 1"),
+        (json.dumps({"schema": 3, "other": "fields"}), "schema 3"),
         (changed(schema=None), "schema None"),
         (without("suite"), "suite"),
         (without("machine"), "machine"),
@@ -91,12 +97,17 @@ def without(key):
         (changed(memory="much"), "wrong type"),
         (changed(versions=[]), "wrong type"),
         (changed(machine="this one"), "wrong type"),
+        (changed(declined=""), "wrong type"),
+        (changed(declined=True), "wrong type"),
+        (changed(declined="too few lights"), "yet it has figures"),
+        (changed(declined="too few lights", seconds={}, error={"mean_deg": 1.0}), "yet it has figures"),
+        (without("declined"), "declined"),
     ],
 )
 def test_what_is_no_record_is_refused(line, why):
     with pytest.raises(InputError, match=why) as caught:
         Record.from_json(line)
-    assert "schema 1" in caught.value.needed
+    assert "schema 2" in caught.value.needed
 
 
 def test_a_number_that_json_lacks_is_not_written(tmp_path):

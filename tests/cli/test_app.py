@@ -16,7 +16,8 @@ from psstereo_cli.failure import report_failure
 from psstereo_cli.record import finite
 
 COMMANDS = (
-    "synth", "reconstruct", "integrate", "sfs", "terrain", "evaluate", "info", "match", "solvers", "demo", "bench",
+    "synth", "reconstruct", "plan", "integrate", "sfs", "terrain", "evaluate", "info", "match", "solvers", "demo",
+    "bench",
 )  # fmt: skip
 
 _SLOW_WRITING = """

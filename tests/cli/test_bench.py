@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from psstereo.bench import read_records, summarise
+from psstereo.bench.folder import read_bench
 from psstereo_synth.problems import lambertian_problems
 
 
@@ -57,7 +58,7 @@ def test_accuracy_for_a_person(run, names):
     [
         (
             ("acuracy",),
-            ("acuracy", "accuracy, solvers, lights, coverage, reading, matching, forward", "Did you mean accuracy?"),
+            ("acuracy", "quick, normals, accuracy, solvers, lights, coverage, reading,", "Did you mean accuracy?"),
         ),
         (("accuracy", "--size", "32"), ("'32'", "WIDTHxHEIGHT")),
         (("accuracy", "--size", "4x4"), ("'4x4'", "from 8")),
@@ -65,6 +66,10 @@ def test_accuracy_for_a_person(run, names):
         (("accuracy", "--size", "32x16"), ("32x16", "squares", "32x32")),
         (("accuracy", "-o", "no folder/records.jsonl"), ("no folder", "does not exist")),
         (("accuracy", "-o", "."), ("is a folder",)),
+        (("accuracy", "--suite", "lights"), ("Two suites", "accuracy and lights")),
+        (("photographs",), ("no images of its own", "--folder")),
+        (("photographs", "--size", "64x64", "--folder", "."), ("'64x64'", "as large as they are")),
+        (("photographs", "--folder", "nowhere"), ("nowhere", "no capture with true normals")),
     ],
 )
 def test_nonsense_is_told_before_anything_is_measured(run, tmp_path, monkeypatch, words, parts):
@@ -169,3 +174,104 @@ def test_coverage_prints_a_table_and_records_each_cell(run, monkeypatch, tmp_pat
     assert told.out == ""
     assert "true normals inside the 95 % region, 8192 pixels a row" in told.text
     assert "not told" in told.text
+
+
+def test_quick_measures_a_little_of_everything_and_draws_it(run, tmp_path):
+    words = ("bench", "--suite", "quick", "--size", "24x24", "--repeats", "1", "--threads", "1")
+    done = run(*words, "--plots", tmp_path / "plots", "--json")
+    assert done.code == 0
+    rows = {(row["problem"], row["method"]): row for row in done.record["rows"]}
+    assert {problem for problem, _ in rows} == {"matte", "noise", "highlights", "cliff", "one image", "folder"}
+    assert rows["matte", "least-squares"]["error"]["mean_deg"] < 0.01
+    assert rows["highlights", "robust"]["error"]["mean_deg"] < rows["highlights", "least-squares"]["error"]["mean_deg"]
+    assert rows["cliff", "discontinuity"]["error"]["rmse"] < rows["cliff", "poisson"]["error"]["rmse"]
+    assert rows["one image", "variational"]["error"]["mean_deg"] < 5
+    assert rows["folder", "reading, least-squares"]["error"]["mean_deg"] < 2
+    assert done.record["baseline"] is None
+    files = ["bench.json", "error_time.svg", "error_time.png"]
+    assert done.record["files"] == files
+    assert sorted(path.name for path in (tmp_path / "plots").iterdir()) == sorted(files)
+    told = read_bench(tmp_path / "plots" / "bench.json")
+    assert told["rows"] == done.record["rows"]
+
+
+def test_plots_go_into_no_folder_of_the_user(run, tmp_path, monkeypatch):
+    import psstereo.bench
+
+    monkeypatch.setattr(psstereo.bench, "run_solvers", lambda *_a, **_k: pytest.fail("something was measured"))
+    (tmp_path / "mine.txt").write_text("keep me", encoding="utf-8")
+    refused = run("bench", "accuracy", "--plots", tmp_path, "--overwrite")
+    assert refused.code == 3
+    assert "no benchmark has written" in refused.text
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_normals_has_series_and_tells_who_declined(run, monkeypatch, tmp_path):
+    import psstereo.normals
+    from psstereo_cli.suites import normals as suite
+
+    solvers = psstereo.normals.NORMAL_SOLVERS
+    few = {name: solvers[name] for name in ("least-squares", "robust", "bivariate")}
+    monkeypatch.setattr(psstereo.normals, "NORMAL_SOLVERS", few)
+    for name, values in (("LIGHTS", (8, 20)), ("NOISES", (0.01, 0.1)), ("CONES", (60.0, 10.0)), ("SCENES", ())):
+        monkeypatch.setattr(suite, name, values)
+    words = ("bench", "normals", "--size", "16x16", "--lights", "20", "--repeats", "1", "--threads", "1")
+    done = run(*words, "-o", tmp_path / "records.jsonl")
+    assert done.code == 0
+    assert done.out == ""
+    assert "There are 8 lights. The solver bivariate needs 20 or more." in done.text
+    assert "mean angular error in ° by cone half-angle in °" in done.text
+    records = read_records(tmp_path / "records.jsonl")
+    declined = {(r.problem, r.method) for r in records if r.declined}
+    assert declined == {("noise, 8 lights", "bivariate"), ("highlights, 8 lights", "bivariate")}
+    errors = {(r.problem, r.method): r.error.get("mean_deg") for r in records}
+    assert errors["noise of 10 %", "least-squares"] > 5 * errors["noise of 1 %", "least-squares"]
+    assert errors["lights to 10°", "least-squares"] > 2 * errors["lights to 60°", "least-squares"]
+
+
+def test_scaling_fits_slopes(run, monkeypatch):
+    from psstereo_cli.suites import scaling as suite
+
+    for name, values in (("SHARES", (4, 1)), ("LIGHTS", (12, 24)), ("STEPS", (2, 8))):
+        monkeypatch.setattr(suite, name, values)
+    record = run("bench", "scaling", "--size", "64x64", "--repeats", "1", "--json").record
+    assert {(s["title"], s["axis"], s["measure"]) for s in record["sweeps"]} == {
+        ("normals", "pixels", "seconds"),
+        ("depth", "pixels", "seconds"),
+        ("one image", "pixels", "seconds"),
+        ("normals", "lights", "seconds"),
+        ("fixed numbers", "iterations", "seconds"),
+    }
+    assert len(record["slopes"]) == 3 + 2 + 2 + 3 + 2
+    assert all(math.isfinite(found["slope"]) and found["error"] is None for found in record["slopes"])
+    problems = {problem for sweep in record["sweeps"] for problem in sweep["values"]}
+    assert {row["problem"] for row in record["rows"]} == problems
+
+
+def test_photographs_are_solved_by_all_that_apply(run, folder):
+    done = run("bench", "photographs", "--folder", folder, "--repeats", "1", "--json")
+    assert done.code == 0
+    rows = {row["method"]: row for row in done.record["rows"]}
+    assert {row["problem"] for row in rows.values()} == {"capture"}
+    assert rows["least-squares"]["error"]["mean_deg"] < 5
+    assert {name for name, row in rows.items() if row["declined"]} == {"response-bend", "bi-polynomial", "bivariate"}
+    assert rows["bivariate"]["seconds"] is None
+    (folder / "Normal_gt.mat").unlink(missing_ok=True)
+    for truth in folder.glob("*ormal_gt*"):
+        truth.unlink()
+    done = run("bench", "photographs", "--folder", folder)
+    assert done.code == 3
+    assert "no capture with true normals (1 without)" in done.text
+
+
+def test_a_bar_that_begins_anew_forgets_how_fast_it_was(monkeypatch):
+    from psstereo_cli import console
+
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(console, "_PATIENCE", 0.0)
+    with console.progress_bars() as progress:
+        for done in (1, 2, 3, 1):
+            progress("suite", done, 4)
+        (task,) = progress._drawn.tasks
+        assert (task.completed, task.total) == (1, 4)
+        assert len(task._progress) == 1  # one sample of speed, that of the new round

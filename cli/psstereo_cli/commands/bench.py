@@ -1,7 +1,7 @@
-"""``psstereo bench``: error against run time, whether error bars hold, and what reading and rendering cost."""
+"""``psstereo bench``: error against run time as tables, records and plots."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -13,27 +13,32 @@ __all__ = ["bench"]
 
 def bench(
     suite: Annotated[
-        str,
-        typer.Argument(help="; ".join(f"{name}: {what}" for name, what in SUITES.items()) + "."),
-    ] = "accuracy",
+        str | None,
+        typer.Argument(help="; ".join(f"{name}: {what}" for name, what in SUITES.items()) + ". Default: accuracy."),
+    ] = None,
+    named: Annotated[str | None, typer.Option("--suite", help="The suite, as an option.")] = None,
     repeats: Annotated[int, typer.Option(min=1, max=100, help="Rounds; medians are reported.")] = 5,
     size: Annotated[
         str | None,
         typer.Option(help="Size of the images, WIDTHxHEIGHT; that of the suite if not given."),
     ] = None,
     lights: Annotated[
-        int, typer.Option(min=3, max=500, help="Images of the suites reading, forward and solvers.")
+        int, typer.Option(min=3, max=500, help="Images of the suites reading, forward, solvers and normals.")
     ] = 96,
     folder: Annotated[
         Path | None,
         typer.Option(
             help="Folder with data of your own to measure on too: normal maps with true depth for suite depth, captures"
-            " for suite sfs."
+            " for suite sfs, captures with true normals for suites photographs and planner."
         ),
     ] = None,
     threads: Threads = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="File for the records, one JSON object a line.")
+    ] = None,
+    plots: Annotated[
+        Path | None,
+        typer.Option(help="Folder for bench.json and plots (SVG and PNG): error against time and what varies, growth."),
     ] = None,
     overwrite: Overwrite = False,
     as_json: Json = False,
@@ -41,29 +46,57 @@ def bench(
     """Measure, and print medians and ratios within this one run.
 
     Example: `psstereo bench reading --repeats 7`
+
+    Example: `psstereo bench normals --plots plots`
     """
     from psstereo.bench import summarise, write_records
-    from psstereo_cli.console import print_json, progress_bars
+    from psstereo.bench.folder import bench_content, implied_sweeps, require_bench_place, write_bench
+    from psstereo_cli.bench_tables import print_bench
+    from psstereo_cli.console import print_json, progress_bars, say
     from psstereo_cli.execution import available_threads, threaded
 
-    run = suite_named(suite)
-    more = _data(suite, folder)
+    chosen = _one_name(suite, named)
+    run = suite_named(chosen)
+    more = _data(chosen, folder)
     if out is not None:
         _require_place(out, overwrite=overwrite)
+    if plots is not None:
+        require_bench_place(plots, overwrite=overwrite)
     count = threads or available_threads()
     with threaded(count) as over, progress_bars() as progress:
         records, baseline, facts = run(repeats, size, lights, count, over, progress, **more)
     summaries = summarise(records, baseline)
+    sweeps = facts.pop("sweeps", []) or implied_sweeps(summaries)
     if out is not None:
         write_records(out, records)
+    content = bench_content(
+        chosen, summaries, baseline=baseline, threads=count, repeats=repeats, sweeps=sweeps, facts=facts
+    )
+    files: list[str] = []
+    if plots is not None:
+        from psstereo.bench.plots import draw
+
+        files = write_bench(plots, content, draw(chosen, summaries, sweeps), overwrite=overwrite)
     if as_json:
-        rows = [
-            {"problem": s.problem, "method": s.method, "seconds": s.seconds, "ratio": s.ratio, "error": dict(s.error)}
-            for s in summaries
-        ]
-        print_json({"suite": suite, "baseline": baseline, "threads": count, "repeats": repeats, "rows": rows, **facts})
+        del content["facts"]
+        print_json({**content, "repeats": repeats, **facts, **({"files": files} if files else {})})
         return
-    _print(suite, baseline, summaries, facts, count, repeats)
+    print_bench(chosen, baseline, summaries, facts, sweeps=sweeps, threads=count, repeats=repeats)
+    if files:
+        say(f"Written to {plots}: {', '.join(files)}")
+
+
+def _one_name(argument: str | None, option: str | None) -> str:
+    """Return the suite that was asked for, by word or by option."""
+    from psstereo.errors import OptionError
+
+    if argument is not None and option is not None and argument != option:
+        raise OptionError(
+            given=f"Two suites are named, {argument} and {option}.",
+            needed="One suite a run, since ratios hold within one.",
+            remedy="Leave one of them out.",
+        )
+    return argument or option or "accuracy"
 
 
 def _data(suite: str, folder: Path | None) -> dict[str, Path]:
@@ -98,41 +131,3 @@ def _require_place(out: Path, *, overwrite: bool) -> None:
             needed="A file for the records, in a folder that exists.",
             remedy="Choose another name with -o.",
         )
-
-
-def _print(suite: str, baseline: str, summaries: Any, facts: dict[str, Any], threads: int, repeats: int) -> None:
-    from psstereo_cli.console import print_table, say
-
-    if "table" in facts:
-        table = facts["table"]
-        print_table(f"suite {suite}: {table['title']}", [tuple(row) for row in table["rows"]], tuple(table["columns"]))
-        for note in facts["notes"]:
-            say(note)
-        return
-    errors = ("mean_deg", "median_deg", "max_deg")
-    rows = [
-        (
-            s.problem,
-            s.method,
-            f"{s.seconds * 1e3:.1f} ms",
-            f"{s.ratio:.3f}",
-            *(f"{s.error[k]:.3g}°" for k in errors if s.error),
-        )
-        for s in summaries
-    ]
-    with_error = any(s.error for s in summaries)
-    columns = ("problem", "method", "time", "ratio", *(("mean", "median", "largest") if with_error else ()))
-    print_table(f"suite {suite}: medians of {repeats} rounds on {threads} threads", rows, columns)
-    say(f"The ratio is the time over that of «{baseline}» in the same round.")
-    for note in facts.get("notes", ()):
-        say(note)
-    times = {s.method: s.seconds for s in summaries}
-    for method in ("command, normals only", "command, with depth and mesh"):
-        if method in times:
-            say(f"{method}: decoding + {times[method] - times[baseline]:.2f} s")
-    for name, grown in facts.get("memory", {}).items():
-        if grown["grown"] is not None:
-            say(
-                f"memory grown, samples {name}: {grown['grown'] / 1e6:.0f} MB,"
-                f" {grown['grown_over_samples']:.2f} of the masked stack as float32"
-            )

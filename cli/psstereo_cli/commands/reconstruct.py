@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from psstereo.normals.light_choice import LightChoice
     from psstereo.normals.strength_choice import StrengthChoice
     from psstereo.pipeline import Options, Reconstruction
+    from psstereo.plan.plan import Plan
 
 __all__ = ["reconstruct", "run_and_save"]
 
@@ -81,7 +82,7 @@ def reconstruct(
     ] = None,
     solver: Annotated[
         str | None,
-        typer.Option(help="Method for the normals, from `psstereo solvers`; chosen by the lights if not given."),
+        typer.Option(help="Method for the normals, from `psstereo solvers`; chosen by the images if not given."),
     ] = None,
     option: Annotated[
         list[str] | None,
@@ -114,7 +115,13 @@ def reconstruct(
         typer.Option(help="Under near lamps, where to begin to search for the object's distance, in their unit."),
     ] = None,
     normals_only: Annotated[bool, typer.Option("--normals-only", help="Leave depth and mesh out.")] = False,
-    integrator: Annotated[str, typer.Option(help="Method for the depth.")] = "poisson",
+    integrator: Annotated[
+        str | None, typer.Option(help="Method for the depth; chosen by what the normals show if not given.")
+    ] = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(help="Plan to run, as `psstereo plan` writes it, edited perhaps; it says how everything is done."),
+    ] = None,
     prior: PriorFile = None,
     prior_sigma: PriorSigma = None,
     prior_unit: PriorUnit = None,
@@ -139,6 +146,9 @@ def reconstruct(
 
     Without knowing where the lights were: `psstereo reconstruct photos -o result --lights unknown`
 
+    Look at what will be done, change it, and run that: `psstereo plan photos -o plan.json`, then
+    `psstereo reconstruct photos -o result --plan plan.json`
+
     Look at what was left out, paint in it, and use that: `psstereo reconstruct photos -o first --verdicts`, then
     `psstereo reconstruct photos -o second --observation-mask first/verdicts`
     """
@@ -146,16 +156,19 @@ def reconstruct(
 
     from psstereo.io.atomic import require_free
     from psstereo.io.verdict_files import read_observation_mask
+    from psstereo.plan.plan_file import read_plan
     from psstereo_cli.console import progress_bars
     from psstereo_cli.execution import available_threads, keep_freed_memory, parse_size, threaded
     from psstereo_cli.known_depth import load_prior
     from psstereo_cli.loading import load_capture
+    from psstereo_cli.telling import tell
 
     keep_freed_memory()
     require_free(out, overwrite=overwrite)  # told before the work, not after it
     memory = parse_size(max_memory)
     # Every thread needs room of its own; where that is short, two are enough unless more are asked for.
     count = threads or (available_threads() if memory is None else min(2, available_threads()))
+    planned = None if plan is None else read_plan(plan)
     choice, lights_file = _lights(lights, ambiguity, relief, light_doubt)
     options = _options(gray, clip, gate, valid_range, integrator, memory, count, normals_only=normals_only)
     options = replace(
@@ -186,9 +199,16 @@ def reconstruct(
         known, notes = load_prior(prior, shape, capture.camera, sigma=prior_sigma, unit=prior_unit)
         options, capture = replace(options, prior=known), replace(capture, notes=(*capture.notes, *notes))
         result, record = run_and_save(
-            capture, options, out, command="reconstruct", overwrite=overwrite, over=over, progress=progress
+            capture,
+            options,
+            out,
+            command="reconstruct",
+            plan=planned,
+            overwrite=overwrite,
+            over=over,
+            progress=progress,
         )
-    _tell(out, record, result, as_json=as_json)
+    tell(out, record, result, as_json=as_json)
 
 
 def _strengths(name: str) -> "StrengthChoice":
@@ -253,7 +273,7 @@ def _options(
     clip: float | None,
     gate: str | None,
     valid_range: str | None,
-    integrator: str,
+    integrator: str | None,
     max_memory: int | None,
     threads: int,
     *,
@@ -265,6 +285,7 @@ def _options(
     from psstereo.errors import OptionError
     from psstereo.normals import GATES
     from psstereo.pipeline import Options
+    from psstereo.plan.options import AUTO
     from psstereo.stack import COLOUR_CHOICES
     from psstereo_cli.execution import parse_floats
 
@@ -274,11 +295,11 @@ def _options(
         )
     if "," not in gray:
         choose(dict.fromkeys(COLOUR_CHOICES), gray, "gray value")
-    method = choose(INTEGRATORS, integrator, "integrator")
+    method = AUTO if integrator is None else choose(INTEGRATORS, integrator, "integrator")(threads=threads)
     low_high = None if valid_range is None else parse_floats(valid_range, 2, "valid range")
     return Options(
         gate=None if gate is None else choose(GATES, gate, "gate"),
-        integrator=None if normals_only else method(threads=threads),
+        integrator=None if normals_only else method,
         gray=parse_floats(gray, None, "gray") if "," in gray else gray,
         clip=clip,
         valid_range=None if low_high is None else (low_high[0], low_high[1]),
@@ -288,7 +309,15 @@ def _options(
 
 
 def run_and_save(
-    capture: "Capture", options: "Options", out: Path, *, command: str, overwrite: bool, over: Any, progress: Any
+    capture: "Capture",
+    options: "Options",
+    out: Path,
+    *,
+    command: str,
+    plan: "Plan | None" = None,
+    overwrite: bool,
+    over: Any,
+    progress: Any,
 ) -> tuple["Reconstruction", dict[str, Any]]:
     """Reconstruct a capture and write its result folder.
 
@@ -302,6 +331,8 @@ def run_and_save(
         Where the result goes.
     command : str
         For the record.
+    plan : Plan, optional
+        What to do, if it is not to be decided.
     overwrite : bool
         Whether an earlier result may be replaced.
     over : map-like
@@ -316,72 +347,10 @@ def run_and_save(
     """
     from psstereo.io.result_folder import write_result
     from psstereo.pipeline import reconstruct as run
+    from psstereo.plan.plan_file import plan_record
     from psstereo_cli.record import run_record
 
-    result = run(capture, options, over=over, progress=progress)
-    record = run_record(command, capture, result)
+    result = run(capture, options, plan=plan, over=over, progress=progress)
+    record = run_record(command, capture, result, {"plan": plan_record(result.plan)})
     write_result(out, result.normals, depth=result.depth, mesh=result.mesh, record=record, overwrite=overwrite)
     return result, record
-
-
-def _tell(out: Path, record: dict[str, Any], result: "Reconstruction", *, as_json: bool) -> None:
-    """Print what was used and what came out, and leave with 4 if something did not converge."""
-    from psstereo_cli.console import print_json, print_table, say
-    from psstereo_cli.failure import NOT_CONVERGED
-
-    if as_json:
-        print_json({**record, "out": str(out)})
-    else:
-        for note in record["capture"]["notes"]:
-            say(f"note: {note}")
-        rows = [
-            (step["name"], f"{step['seconds']:.2f} s" if step["done"] else "left out", step["reason"])
-            for step in record["steps"]
-        ]
-        print_table(f"{record['capture']['name']}: what was done", rows, ("step", "time", "why"))
-        print_table("result", _figures(record))
-        say(f"The result is in {out}.")
-    if not result.converged:
-        raise typer.Exit(NOT_CONVERGED)
-
-
-def _figures(record: dict[str, Any]) -> list[tuple[str, ...]]:
-    normals, depth = record["normals"], record["depth"]
-    spread = normals["median_uncertainty_deg"]
-    told = normals.get("light_strengths")
-    rows: list[tuple[str, ...]] = [
-        ("normals", normals["outcome_text"]),
-        ("albedo", normals["albedo"]),
-        ("expected error", "cannot be told: no redundant light" if spread is None else f"{spread:.3g}° (median)"),
-        *((f"flag {name}", f"{count} pixels") for name, count in normals["flags"].items() if name != "OUTSIDE_MASK"),
-    ]
-    if told is not None:
-        limits = min(_flat(told["factors"])), max(_flat(told["factors"]))
-        expected = f"expected error {100 * told['expected_error']:.2g} %"
-        rows.append(("strengths told by the images", f"{limits[0]:.3g} to {limits[1]:.3g} times nominal, {expected}"))
-    rows.extend(_light_rows(normals))
-    if depth is not None:
-        low, high = depth["range"]
-        rows.append(
-            ("depth", f"{depth['kind']} [{depth['unit']}] from {low:.4g} to {high:.4g}. {depth['outcome_text']}")
-        )
-    return rows
-
-
-def _flat(numbers: list[Any]) -> list[float]:
-    """Return the numbers of a list, or of lists in it, one after the other."""
-    return [each for one in numbers for each in (one if isinstance(one, list) else [one])]
-
-
-def _light_rows(normals: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Say how far to trust lights that come from the images."""
-    refined, found = normals.get("lights_refined"), normals.get("lights_found")
-    if refined is not None:
-        done = "moved" if refined["changed"] else "left as they were"
-        said = f"{refined['disagreement_deg']:.2g}° off, expected {refined['expected_error_deg']:.2g}°"
-        return [("refined lights", f"{done}: the given ones are {said}")]
-    if found is None:
-        return []
-    shape = f"{found['relief']} (clearness {abs(found['outwardness']):.2g}; the inverse shows the same images)"
-    stands = f"surface basis stands out by {found['integrability_ratio']:.2g}, resolved by {found['ambiguity']}"
-    return [("unknown lights", stands), ("relief", shape)]

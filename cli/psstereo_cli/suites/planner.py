@@ -93,7 +93,7 @@ def _captures(folder: Path | None) -> "dict[str, Callable[[], tuple[Capture, Tru
     from psstereo.errors import MissingFileError
     from psstereo.io import recognise
 
-    found = {}
+    found: dict[str, Callable[[], tuple[Capture, Truth]]] = {}
     for place in [folder, *sorted(path for path in folder.iterdir() if path.is_dir())]:
         if recognise(place):
             found[place.name] = partial(_read, place)
@@ -157,7 +157,7 @@ def _record(
     capture: "Capture",
     truth: "Truth",
 ) -> "Record":
-    """Return the record of one run: its errors, and for the run with nothing left out how far it is from the planned."""
+    """Return the record of one run; for that with nothing left out also how far it is from the planned."""
     import numpy as np
 
     from psstereo.bench import Record, peak_memory

@@ -1,0 +1,1 @@
+"""What a capture needs and what it does not: survey, facts, plan, run."""

@@ -1,0 +1,121 @@
+"""Which solvers are tried on a capture, in the order of what they cost, and no more of them than can pay."""
+
+from typing import Any
+
+import numpy as np
+
+from psstereo.lights import Rig
+from psstereo.normals import Gate, LeastSquares, NormalSolver, PixelNormals, Robust
+from psstereo.normals.ambient import AmbientLeastSquares
+from psstereo.normals.bipolynomial import BiPolynomial
+from psstereo.normals.bivariate import Bivariate
+from psstereo.normals.response_bend import ResponseBend
+from psstereo.normals.trimmed import Trimmed
+from psstereo.plan.costs import COSTS
+from psstereo.plan.evidence import Evidence
+from psstereo.plan.sample import Sample
+from psstereo.plan.trials import Trial, try_solver
+from psstereo.types import FloatArray
+
+__all__ = ["CONTESTANTS", "LAMBERT_HOLDS", "lambert_holds", "run_trials"]
+
+CONTESTANTS: tuple[type[NormalSolver[Any]], ...] = (
+    LeastSquares,
+    Trimmed,
+    AmbientLeastSquares,
+    Robust,
+    ResponseBend,
+    BiPolynomial,
+    Bivariate,
+)
+"""Solvers, the quickest first."""
+
+LAMBERT_HOLDS = 0.03
+"""Share of pixels with structured residuals up to which least squares with its gate is as good as anything."""
+_BRIGHT = 0.005
+"""Share of observations brighter than the fit, beyond noise, up to which it has followed no shadow."""
+_MOST, _LEAST = 256, 96
+"""Pixels tried, at most and at least."""
+_BUDGET = 0.2, 0.1
+"""What all trials may take: so many seconds [s], and this share of the expected time of the solver [1]."""
+
+
+def lambert_holds(misfit: float | None, bright_outliers: float | None) -> bool:
+    """Return whether least squares with its gate needs no rival."""
+    if misfit is None or bright_outliers is None:
+        return False
+    return misfit <= LAMBERT_HOLDS and bright_outliers <= _BRIGHT
+
+
+def run_trials(
+    sample: Sample, rig: Rig, said: Evidence, pixels: int, gate: Gate | None
+) -> tuple[tuple[Trial, ...], tuple[float | None, float | None]]:
+    """Try solvers on a few pixels of a sample, if least squares leaves more than noise.
+
+    Parameters
+    ----------
+    sample : Sample
+        The sample.
+    rig : Rig
+        Distant lights.
+    said : Evidence
+        What least squares leaves over.
+    pixels : int
+        Pixels of the capture.
+    gate : Gate or None
+        Gate of all solvers, if one was asked for.
+
+    Returns
+    -------
+    trials : tuple of Trial
+        One a solver that was tried; empty where least squares needs no rival.
+    ambient : (float or None, float or None)
+        Ambient level over albedo, and its standard error; None where it was not looked for [1].
+    """
+    nothing: tuple[float | None, float | None] = (None, None)
+    if len(rig) < Robust.pays_from or lambert_holds(said.misfit, said.bright_outliers):
+        return (), nothing
+    values = _few(sample, pixels)
+    found: dict[str, Trial] = {}
+    ambient = nothing
+    for kind in CONTESTANTS:
+        if len(rig) < kind.pays_from:
+            continue
+        tried = try_solver(kind() if gate is None else kind(gate=gate), rig, values)
+        if tried is None:
+            continue
+        found[kind.name] = tried[0]
+        if kind is AmbientLeastSquares:
+            ambient = _level(tried[1])
+    return tuple(found.values()), ambient
+
+
+def _few(sample: Sample, pixels: int) -> FloatArray:
+    """Return the samples of a few pixels with a fit, spread over the sample."""
+    good = np.flatnonzero(np.isfinite(sample.albedo))
+    count = min(_affordable(len(sample.directions), pixels), len(good))
+    chosen = good[((np.arange(count) + 0.5) * len(good) / count).astype(np.int64)]
+    return np.ascontiguousarray(sample.values[:, chosen])
+
+
+def _affordable(lights: int, pixels: int) -> int:
+    """Return how many pixels may be tried, for what solving all of them will cost."""
+    served = [COSTS[kind.name] for kind in CONTESTANTS if lights >= kind.pays_from]
+    usual = COSTS[ResponseBend.name if lights >= ResponseBend.pays_from else Robust.name]
+    allowed = _BUDGET[0] + _BUDGET[1] * (usual.load + usual.compiled * lights * pixels)
+    each = 2 * lights * sum(cost.readable for cost in served)
+    return int(np.clip(allowed / each, _LEAST, _MOST))
+
+
+def _level(found: PixelNormals) -> tuple[float | None, float | None]:
+    """Return the median ambient level over albedo, and the standard error of that median."""
+    if found.ambient is None:
+        return None, None
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = found.ambient / np.linalg.norm(found.scaled, axis=1)
+    share = share[np.isfinite(share)]
+    if len(share) < 2:
+        return None, None
+    middle = float(np.median(share))
+    spread = 1.4826 * float(np.median(np.abs(share - middle)))
+    return middle, 1.2533 * spread / float(np.sqrt(len(share)))

@@ -1,0 +1,57 @@
+"""What solving costs: time a sample of each solver, by its readable reference and by its compiled twin.
+
+Measured on one machine on scenes of 48 lights; :mod:`psstereo.plan.predict` scales them by what the machine at hand
+does, so that only their ratios matter.
+"""
+
+from dataclasses import dataclass
+
+__all__ = ["COSTS", "DEPTH", "MESH", "Cost"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cost:
+    """Cost of a solver on one thread.
+
+    Attributes
+    ----------
+    readable : float
+        Time a sample by the readable reference [s].
+    compiled : float
+        Time a sample by the compiled twin; that of the reference if there is none [s].
+    load : float
+        Time to load the compiled code [s].
+    break_even : float
+        Samples from which the compiled twin is used; infinite if there is none [1].
+    start : float
+        Time to load what the readable reference needs [s].
+    """
+
+    readable: float
+    compiled: float
+    load: float = 0.0
+    break_even: float = float("inf")
+    start: float = 0.0
+
+
+COSTS: dict[str, Cost] = {
+    "least-squares": Cost(readable=35e-9, compiled=35e-9),
+    "trimmed": Cost(readable=55e-9, compiled=55e-9),
+    "ambient": Cost(readable=950e-9, compiled=950e-9),
+    "low-rank": Cost(readable=850e-9, compiled=850e-9),
+    "robust": Cost(readable=900e-9, compiled=85e-9, load=1.0, break_even=1.5e6, start=0.2),
+    "sparse-bayesian": Cost(readable=900e-9, compiled=190e-9, load=0.7, break_even=5e5, start=0.2),
+    "response-bend": Cost(readable=2400e-9, compiled=250e-9, load=0.9, break_even=9e5, start=0.2),
+    "bi-polynomial": Cost(readable=3600e-9, compiled=750e-9, load=0.9, break_even=1e5, start=0.2),
+    "bivariate": Cost(readable=6000e-9, compiled=1600e-9, load=1.0, break_even=2e5, start=0.2),
+}
+"""By the solver's name."""
+
+DEPTH: dict[str, Cost] = {
+    "poisson": Cost(readable=2.2e-6, compiled=0.32e-6, load=0.4, break_even=1e5, start=0.2),
+    "discontinuity": Cost(readable=2.2e-6, compiled=1.6e-6, load=0.5, break_even=2.5e4, start=0.25),
+}
+"""By the integrator's name, a pixel instead of a sample."""
+
+MESH = Cost(readable=0.36e-6, compiled=0.36e-6, start=0.1)
+"""Of the mesh, a pixel."""

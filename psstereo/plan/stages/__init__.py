@@ -1,0 +1,1 @@
+"""Every stage, one a module; :mod:`psstereo.plan.stages.catalogue` has their order."""

@@ -1,0 +1,128 @@
+"""What a plan decides follows from the facts alone."""
+
+from dataclasses import replace
+
+import pytest
+
+from psstereo.normals import (
+    NORMAL_SOLVERS,
+    LeastSquares,
+    Robust,
+    bipolynomial,
+    bivariate,
+    response_bend,
+    robust,
+    sparse_bayesian,
+)
+from psstereo.plan.choice import choose_by_facts
+from psstereo.plan.costs import COSTS
+from psstereo.plan.facts import Facts
+from psstereo.plan.options import Options
+from psstereo.plan.plan import make_plan
+from psstereo.plan.stages.catalogue import STAGES
+from psstereo.plan.trials import Trial
+
+MATTE = Facts(
+    images=24, height=100, width=120, channels=1, bits=16, floating=False, saturates=True, pixels=9000, components=1,
+    perspective=False, linear=True, response="linear", dark_frame=False, lamps=False, surveyed=8000, unusable=0.0,
+    saturated=0.0, shadowed=0.1, dark_outliers=0.0, bright_outliers=0.0, noise=0.01, residual=0.01, misfit=0.002,
+    turning=0.0, sample_bytes=864_000,
+)  # fmt: skip
+
+
+def tried(**changes):
+    trials = tuple(
+        Trial(solver=name.replace("_", "-"), change_deg=change, pixels=100, seconds=0.01)
+        for name, change in changes.items()
+    )
+    return replace(MATTE, misfit=0.5, trials=trials)
+
+
+def test_noise_alone_needs_no_rival_of_least_squares():
+    assert choose_by_facts(MATTE).solver == LeastSquares.name
+    assert choose_by_facts(replace(MATTE, misfit=0.5)).solver == Robust.name
+    assert choose_by_facts(replace(MATTE, bright_outliers=0.02)).solver == Robust.name
+
+
+def test_few_lights_need_none_either():
+    facts = replace(tried(robust=0.1), images=7)
+    assert choose_by_facts(facts).solver == LeastSquares.name
+
+
+@pytest.mark.parametrize(
+    ("changes", "solver"),
+    [
+        ({"least_squares": 3.0, "robust": 1.0, "response_bend": 2.0}, "robust"),
+        ({"least_squares": 3.0, "robust": 1.0, "response_bend": 0.5}, "response-bend"),
+        # as good within a twentieth: the quicker one
+        ({"robust": 1.03, "bivariate": 1.0}, "robust"),
+        ({"robust": 1.2, "bivariate": 1.0}, "bivariate"),
+        ({"robust": 0.03, "bivariate": 0.015}, "robust"),
+        # where Lambert's law is broken, least squares moves less than it errs
+        ({"least_squares": 0.8, "robust": 1.0}, "robust"),
+        ({"least_squares": 0.4, "robust": 1.0}, "least-squares"),
+        ({"ambient": 0.4, "robust": 1.0}, "ambient"),
+    ],
+)
+def test_the_quickest_of_the_best_is_taken(changes, solver):
+    assert choose_by_facts(tried(**changes)).solver == solver
+
+
+@pytest.mark.parametrize(
+    ("solver", "stage"),
+    [("robust", "robust solving"), ("bivariate", "non-Lambertian solving"), ("ambient", "ambient solving")],
+)
+def test_one_stage_at_most_chooses_a_solver(solver, stage):
+    plan = make_plan(tried(**{solver: 0.1, "trimmed": 5.0}))
+    used = [name for name in ("ambient solving", "robust solving", "non-Lambertian solving") if plan[name].use]
+    assert used == [stage]
+    assert plan[stage].options == {"solver": solver}
+    asked = make_plan(MATTE, Options(solver=NORMAL_SOLVERS[solver]()))
+    assert asked[stage].use
+    assert asked[stage].reason == "Asked for."
+
+
+def test_every_stage_has_a_reason_either_way():
+    for facts in (MATTE, tried(robust=1.0), replace(MATTE, lamps=True), replace(MATTE, turning=0.2, shadowed=0.0)):
+        for options in (Options(), Options(nothing_left_out=True), Options(integrator=None, verdicts=True)):
+            plan = make_plan(facts, options)
+            assert [one.stage for one in plan.decisions] == list(STAGES)
+            assert all(one.reason.endswith(".") for one in plan.decisions)
+            assert len(plan.explain()) == len(STAGES)
+            assert plan == make_plan(facts, options)
+
+
+@pytest.mark.parametrize(
+    ("change", "stage"),
+    [
+        ({"linear": False, "response": "srgb"}, "linearisation"),
+        ({"dark_frame": True}, "dark level"),
+        ({"lamps": True}, "near lamps"),
+        ({"perspective": True}, "perspective"),
+        ({"masked_by_hand": True}, "observation mask"),
+        ({"in_memory": False, "memory_limit": 10**6}, "tiling"),
+        ({"turning": 0.05}, "discontinuities"),
+    ],
+)
+def test_a_fact_turns_its_stage_on(change, stage):
+    assert not make_plan(MATTE)[stage].use
+    assert make_plan(replace(MATTE, **change))[stage].use
+
+
+def test_gates_follow_what_the_sample_shows():
+    assert make_plan(MATTE)["shadow gate"].use
+    assert not make_plan(replace(MATTE, shadowed=0.0))["shadow gate"].use
+    assert make_plan(replace(MATTE, shadowed=0.0, dark_outliers=0.01))["shadow gate"].use
+    assert not make_plan(replace(MATTE, saturates=False))["saturation gate"].use
+
+
+def test_the_table_of_costs_knows_when_compiled_code_is_used():
+    modules = {
+        "robust": robust,
+        "response-bend": response_bend,
+        "bivariate": bivariate,
+        "bi-polynomial": bipolynomial,
+        "sparse-bayesian": sparse_bayesian,
+    }
+    assert {name: COSTS[name].break_even for name in modules} == {name: m._BREAK_EVEN for name, m in modules.items()}
+    assert set(COSTS) == set(NORMAL_SOLVERS)
