@@ -95,8 +95,9 @@ def plan_capture(
 
 def _require_plan_alone(options: Options) -> None:
     """Refuse options beside a plan that has them."""
-    usual = Options(observation_mask=options.observation_mask, prior=options.prior, workers=options.workers)
-    names = [name for name in vars(usual) if name not in ("observation_mask", "prior", "workers")]
+    usual = Options()
+    beside = ("observation_mask", "prior", "workers", "views")
+    names = [name for name in vars(usual) if name not in beside]
     more = [name for name in names if getattr(options, name) != getattr(usual, name)]
     if more:
         raise OptionError(

@@ -63,4 +63,4 @@ def parse_response(text: str) -> "Response":
 
     if text in ("linear", "srgb"):
         return Response(text)
-    return Response("gamma", parse_floats(text, 1, "response")[0])
+    return Response("gamma", parse_floats(text, 1, "response (linear, srgb, or the exponent of a gamma curve)")[0])

@@ -92,7 +92,7 @@ def parse_floats(text: str, count: int | None, what: str) -> tuple[float, ...]:
     if not values or (count is not None and len(values) != count):
         raise OptionError(
             given=f"The {what} is {text!r}.",
-            needed=f"{count or 'Some'} numbers parted by commas are needed.",
+            needed="One number is needed." if count == 1 else f"{count or 'Some'} numbers parted by commas are needed.",
             remedy="Write decimal points, and commas only between the numbers.",
         )
     return values

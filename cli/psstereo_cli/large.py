@@ -33,10 +33,13 @@ def too_large(path: Path, bound: int) -> bool:
     ------
     UnsupportedError
         If the bound is given and the file is of another kind.
+    MissingFileError, UnreadableFileError
+        If it is not there or damaged.
     """
     import numpy as np
 
     from psstereo.errors import UnreadableFileError, UnsupportedError
+    from psstereo.io.text import require_file
 
     if path.suffix.lower() != ".npy":
         raise UnsupportedError(
@@ -44,6 +47,7 @@ def too_large(path: Path, bound: int) -> bool:
             needed="Tiles are read from .npy files alone, in the axes x right, y up, z toward the camera.",
             remedy="Convert the map, or leave --max-memory out.",
         )
+    require_file(path)
     try:
         shape = np.load(path, mmap_mode="r", allow_pickle=False).shape
     except (ValueError, OSError, EOFError) as error:

@@ -46,7 +46,7 @@ PriorFile = Annotated[
     typer.Option(
         "--prior",
         help="Depth known beforehand, heights or distances: a map (.npy, .npz, .mat, TIFF, EXR, 16-bit PNG; NaN and 0"
-        " are unknown) or a text file with `row column depth` of a few points. Not with frankot-chellappa.",
+        " are unknown) or a text file with `row column depth` of a few points.",
     ),
 ]
 PriorSigma = Annotated[

@@ -82,7 +82,7 @@ def plan_tiles(shape: tuple[int, int], *, max_memory: int, tile: int | None, pri
         given=f"{max_memory / 1e6:.1f} MB of memory are allowed for {shape[1]} × {shape[0]} pixels"
         + (f" in tiles of {tile}." if tile is not None else "."),
         needed=f"At least {math.ceil(least / 1e6)} MB are needed.",
-        remedy="Allow that much, or leave the size of the tiles out.",
+        remedy="Allow that much" + ("." if tile is None else ", or leave the size of the tiles out."),
     )
 
 

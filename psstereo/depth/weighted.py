@@ -24,7 +24,7 @@ to a steep one is solved as well.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,6 +37,9 @@ from psstereo.types import BoolArray, FloatArray, IntArray
 
 __all__ = ["Weighted", "solve_weighted"]
 
+_WEAK, _PIECES = 1e-7, 1000
+"""Weight beside the largest below which an edge is too weak for the iteration to see, and pieces up to which they are
+put in their places one by one."""
 _PATIENCE = 30
 """Iterations after which the pace is looked at."""
 _LONG = 250
@@ -155,6 +158,7 @@ def solve_weighted(
             report=report,
         )
         done, path = done + more, "algebraic multigrid"
+    values = _settled(steps, inside, components, held, values)
     return Weighted(
         values=values,
         components=components,
@@ -164,6 +168,49 @@ def solve_weighted(
         path=path,
         levels=levels,
     )
+
+
+def _settled(
+    steps: EdgeSteps,
+    inside: BoolArray,
+    components: IntArray,
+    held: tuple[FloatArray, FloatArray],
+    values: FloatArray,
+) -> FloatArray:
+    """Return values with the pieces that nearly weightless edges alone tie together put in their places.
+
+    No residual of the whole sees such ties beside the others; on their own they are a small well-scaled system.
+    """
+    weights = (steps.right_weight, steps.down_weight)
+    weak = _WEAK * max(float(part.max(initial=0.0)) for part in weights)
+    if not any(((part > 0) & (part <= weak)).any() for part in weights):
+        return values
+    right, down = (np.where(part > weak, part, 0.0) for part in weights)
+    pieces = components_of(replace(steps, right_weight=right, down_weight=down), inside)
+    count = int(pieces.max(initial=0)) + 1
+    if count > _PIECES or count == int(components.max(initial=0)) + 1:
+        return values
+    matrix, side = np.zeros((count, count)), np.zeros(count)
+    across = (weights[0], steps.right, np.diff(values, axis=1), pieces[:, :-1], pieces[:, 1:])
+    along = (weights[1], steps.down, np.diff(values, axis=0), pieces[:-1], pieces[1:])
+    for weight, step, found, first, last in (across, along):
+        tie = (weight > 0) & (first != last)
+        w, off = weight[tie], (weight * (step - found))[tie]
+        for i, j, sign in ((first[tie], last[tie], -1.0), (last[tie], first[tie], 1.0)):
+            np.add.at(matrix, (i, i), w)
+            np.add.at(matrix, (i, j), -w)
+            np.add.at(side, i, sign * off)
+    tied = np.zeros(int(components.max()) + 1)
+    if held[0].size:
+        matrix[np.diag_indices(count)] += np.bincount(pieces.ravel(), held[0].ravel(), count)
+        side += np.bincount(pieces.ravel(), (held[0] * (held[1] - values)).ravel(), count)
+        tied = np.asarray(np.bincount(components.ravel(), held[0].ravel(), len(tied)), np.float64)
+    which, place = np.unique(components, return_index=True)
+    pinned = np.append(pieces.ravel()[place[tied[which] <= 0]], 0)  # one piece of each component that nothing holds
+    matrix[pinned], side[pinned] = np.eye(count)[pinned], 0.0
+    scale = 1.0 / np.abs(matrix.diagonal())
+    shift = np.linalg.solve(matrix * scale[:, None], side * scale)
+    return np.asarray(np.where(inside, values + shift[pieces], values))
 
 
 @dataclass(kw_only=True, eq=False)

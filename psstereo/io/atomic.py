@@ -48,7 +48,7 @@ def require_free(folder: Path, *, overwrite: bool, names: Collection[str] | None
     overwrite : bool
         Whether an earlier result may be replaced. Any other folder with content is refused even then.
     names : collection of str, optional
-        Files that are to be written, relative, with forward slashes, if it is a capture and no result: then a folder
+        Files that are to be written, relative, with forward slashes, if it is no result: then a folder
         that holds just these files, no other and none less, is what may be replaced.
 
     Raises
@@ -73,7 +73,7 @@ def require_free(folder: Path, *, overwrite: bool, names: Collection[str] | None
         _require_capture(folder, names)
     if not overwrite:
         raise ExistingResultError(
-            given=f"{folder} holds {'the result of an earlier run' if names is None else 'an earlier capture'}.",
+            given=f"{folder} holds {'the result of an earlier run' if names is None else 'what an earlier run wrote'}.",
             needed="It is not replaced without being asked for.",
             remedy="Add --overwrite, or choose another folder with -o.",
         )
@@ -115,7 +115,7 @@ def _require_capture(folder: Path, names: Collection[str]) -> None:
         ours = (path.is_file() and (name in wanted or path.name in _LITTER)) or (path.is_dir() and name in above)
         if path.is_symlink() or not ours:
             raise ExistingResultError(
-                given=f"{folder} holds {name}, which is no part of the capture that is to be written.",
+                given=f"{folder} holds {name}, which is no part of what is to be written.",
                 needed="A folder is replaced only if its files are just those that are written again.",
                 remedy="Move or delete the folder yourself, or choose another one with -o.",
             )
@@ -123,7 +123,7 @@ def _require_capture(folder: Path, names: Collection[str]) -> None:
     missing = sorted(wanted - found)
     if missing:
         raise ExistingResultError(
-            given=f"{folder} exists and does not hold {missing[0]}, which the capture that is to be written has.",
+            given=f"{folder} exists and does not hold {missing[0]}, which is to be written.",
             needed="A folder is replaced only if its files are just those that are written again.",
             remedy="Move or delete the folder yourself, or choose another one with -o.",
         )
@@ -140,7 +140,7 @@ def new_folder(folder: Path, *, overwrite: bool = False, names: Collection[str] 
     overwrite : bool
         Whether an earlier result may be replaced; it stays until the new one is complete.
     names : collection of str, optional
-        Files that will be written, if it is a capture; see :func:`require_free`.
+        Files that will be written, if it is no result; see :func:`require_free`.
 
     Yields
     ------

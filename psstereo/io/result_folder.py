@@ -52,6 +52,7 @@ def write_result(
     mesh: SurfaceMesh | None = None,
     mesh_suffixes: Iterable[str] = (".ply", ".glb"),
     record: Mapping[str, Any],
+    report: str | None = None,
     overwrite: bool = False,
 ) -> None:
     """Write a result folder; it appears whole or not at all.
@@ -71,6 +72,8 @@ def write_result(
         Formats of the mesh; one that needs triangles is left out if there are none.
     record : mapping
         Becomes ``run.json``.
+    report : str, optional
+        Becomes ``report.html``.
     overwrite : bool
         Whether an earlier result may be replaced.
 
@@ -90,6 +93,8 @@ def write_result(
             write_verdicts(work, normals.verdicts)
         _write_surface(work, depth, mesh, mesh_suffixes)
         _write_record(work, record)
+        if report is not None:
+            (work / "report.html").write_text(report, encoding="utf-8", errors="backslashreplace")
 
 
 def write_integration(

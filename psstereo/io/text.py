@@ -42,7 +42,7 @@ def require_file(path: Path) -> None:
     if not path.is_file():
         raise MissingFileError(
             given=f"The file {path} {'is a folder' if path.is_dir() else 'does not exist'}.",
-            needed="It belongs to the description of the capture.",
+            needed="The file that was named.",
             remedy="Check its name and folder.",
         )
 

@@ -94,7 +94,12 @@ def _one_channel(values: Array) -> Array:
     """Drop axes of length one, and channels that repeat the first."""
     if values.ndim == 3 and 1 in values.shape:
         values = values.squeeze(axis=0 if values.shape[0] == 1 else (2 if values.shape[2] == 1 else 1))
-    if values.ndim == 3 and values.shape[2] == 3 and np.array_equal(values[..., 1:], values[..., [0, 0]]):
+    equal_nan = values.dtype.kind == "f"  # NaN means unknown in all three
+    if (
+        values.ndim == 3
+        and values.shape[2] == 3
+        and np.array_equal(values[..., 1:], values[..., [0, 0]], equal_nan=equal_nan)
+    ):
         return np.asarray(values[..., 0])
     return values
 

@@ -159,9 +159,16 @@ class Rig:
         if self.condition() > 1 / _COPLANAR:
             raise RigError(
                 given=f"The {len(self)} light directions lie in one plane (condition {self.condition():.3g}).",
-                needed="At least one direction must leave the plane of the others.",
+                needed="At least one direction must leave the plane of the others, which tell a normal's part in it, "
+                f"and nothing of its part along ({self._untold()}).",
                 remedy="Check the lights file for repeated rows; else add an image with the light elsewhere.",
             )
+
+    def _untold(self) -> str:
+        """Return the direction across all lights, as words; of one direction alone it is one of many."""
+        across = np.linalg.svd(self.directions)[2][-1]
+        across = across * np.sign(across[np.argmax(np.abs(across))])
+        return ", ".join(f"{x:.2f}" for x in across + 0.0)
 
     def _distant_lights(self) -> tuple[Distant, ...]:
         near = [f"{i + 1} ({light.name})" for i, light in enumerate(self.lights) if not isinstance(light, Distant)]

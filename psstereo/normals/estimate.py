@@ -18,6 +18,7 @@ from psstereo.method_options import settings_of
 from psstereo.normals.blocks import Answer, BlockJob, solve_blocks
 from psstereo.normals.default import default_solver
 from psstereo.normals.gathered import Gathered, Reading, gathered
+from psstereo.normals.moments import widening
 from psstereo.normals.solver import NormalSolver
 from psstereo.normals.verdict import VerdictArray
 from psstereo.results import AlbedoKind, NormalsResult, Outcome
@@ -25,6 +26,9 @@ from psstereo.stack import PixelSet
 from psstereo.types import BoolArray, FloatArray, Map, Progress, no_progress
 
 __all__ = ["estimate_normals", "solve_gathered"]
+
+_LOOSE = 30.0
+"""Condition of the lights from which error bars to first order are not enough [1]."""
 
 
 def estimate_normals(
@@ -172,6 +176,11 @@ def solve_gathered(
     )
     answer = solve_blocks(job, samples.store, samples.plan, over, progress)
     del job  # and the working arrays with it
+    if capture.rig.all_distant and capture.rig.condition() > _LOOSE:
+        grown = widening(capture.rig.directions, answer.normals, answer.uncertainty)
+        answer.uncertainty[:] *= grown
+        if answer.covariance is not None:
+            answer.covariance[:] *= np.square(grown)[:, None]
     below, left_out, names = samples.below, samples.left_out, capture.stack.names
     facts = {
         "solver": solver.name,
@@ -252,7 +261,7 @@ def _ambient_share(answer: Answer) -> list[float] | None:
     return [float(value) for value in np.quantile(share, [0.05, 0.5, 0.95])] if len(share) else None
 
 
-_STRAY = 0.01
+_STRAY = 0.05
 """Share of pixels up to which those that did not converge are told by their flags alone."""
 
 

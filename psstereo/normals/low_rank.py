@@ -73,6 +73,8 @@ _FLOOR = 1e-3
 _ENOUGH = 5
 """Observed values from which errors can be told from D."""
 
+_MOST_DARK = 0.4
+"""Share of the lit observations from which dark ones are no rare errors any more; plain least squares judges better."""
 _PART = 256
 """Pixels recovered at once where each stands alone; they stay in the cache."""
 
@@ -205,7 +207,9 @@ class LowRank(NormalSolver[RigFactor]):
         ):
             flags[where] |= np.uint16(flag)
         verdicts = _verdicts(usable, lit, kept, bright) if samples.verdicts else None
-        again = np.flatnonzero(lost)
+        # Where most of what the model calls lit is dark, the dark ones would be taken for the sparse errors' opposite.
+        dark = lit & (samples.values <= _DARK * np.where(usable, samples.values, 0.0).max(axis=0))
+        again = np.flatnonzero(lost | (self.gate.shadow & (dark.sum(axis=0) > _MOST_DARK * lit.sum(axis=0))))
         if len(again):
             part = Samples(
                 samples.values[:, again],

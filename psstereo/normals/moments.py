@@ -23,7 +23,15 @@ from psstereo.lights import Rig
 from psstereo.scratch import Scratch
 from psstereo.types import BoolArray, FloatArray
 
-__all__ = ["Factor", "RigFactor", "angular_covariance", "angular_spread", "cholesky", "solve_cholesky"]
+__all__ = [
+    "Factor",
+    "RigFactor",
+    "angular_covariance",
+    "angular_spread",
+    "cholesky",
+    "solve_cholesky",
+    "widening",
+]
 
 _SINGULAR = 1e-10
 """Pivot over trace below which a pixel's lights count as coplanar: 1e-5 of the rig's own spread, squared."""
@@ -158,6 +166,34 @@ def angular_covariance(r_inverse: FloatArray, factor: Factor | None, normals: Fl
     x, y, z = _across(r_inverse, factor, normals)
     pairs = ((x, x), (x, y), (y, y), (x, z), (y, z), (z, z))
     return np.stack([(first * second).sum(axis=0) for first, second in pairs], axis=1)
+
+
+def widening(directions: FloatArray, normals: FloatArray, uncertainty: FloatArray) -> FloatArray:
+    """Return by how much error bars grow because an error along the normal may be as large as the normal itself.
+
+    Under nearly coplanar lights noise alone can make a long vector across their plane. To first order its direction
+    looks certain, since nearly all of its error lies along it; two standard errors of that, squared, are added.
+
+    Parameters
+    ----------
+    directions : float array (m, 3)
+        Toward the lights [1].
+    normals : float array (p, 3)
+        Unit normals found, NaN where there is none [1].
+    uncertainty : float array (p,)
+        Error bars to first order [rad].
+
+    Returns
+    -------
+    float64 array (p,)
+        Factors of at least 1 [1].
+    """
+    inverse = np.linalg.pinv(directions, rcond=0.0)
+    n = np.asarray(normals, np.float64)
+    along = n @ inverse
+    across = inverse - n[:, :, None] * along[:, None, :]
+    ratio = (along * along).sum(axis=1) / (across * across).sum(axis=(1, 2))
+    return np.asarray(np.sqrt(1.0 + np.square(4.0 * np.asarray(uncertainty, np.float64) * ratio)))
 
 
 def _across(r_inverse: FloatArray, factor: Factor | None, normals: FloatArray) -> FloatArray:

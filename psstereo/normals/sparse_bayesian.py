@@ -12,12 +12,14 @@ import numpy as np
 from psstereo.errors import OptionError
 from psstereo.flags import Flag, fatal_mask
 from psstereo.kernels.dispatch import kernel
-from psstereo.kernels.sparse_bayesian import BARE, FAILED, IGNORED, UNSETTLED
+from psstereo.kernels.sparse_bayesian import BARE, DARK, FAILED, IGNORED, UNSETTLED
 from psstereo.lights import Rig
+from psstereo.normals.least_squares import LeastSquares
 from psstereo.normals.moments import RigFactor, angular_covariance, cholesky
+from psstereo.normals.parts import fill, some
 from psstereo.normals.solver import NormalSolver, PixelNormals, Samples
 from psstereo.normals.verdict import Verdict, VerdictArray
-from psstereo.types import FlagArray, FloatArray, IntArray
+from psstereo.types import BoolArray, FlagArray, FloatArray, IntArray
 
 __all__ = ["SparseBayesian", "SparseBayesianState"]
 
@@ -126,7 +128,7 @@ class SparseBayesian(NormalSolver[SparseBayesianState]):
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             unit = angular_covariance(rig.r_inverse, cholesky(a.T)[0], (scaled / albedo[:, None]).T)
             covariance = unit * (spread / albedo / albedo)[:, None]
-        return PixelNormals(
+        found = PixelNormals(
             scaled=scaled,
             uncertainty=np.sqrt(covariance[:, 0] + covariance[:, 2] + covariance[:, 5]),
             flags=flags,
@@ -134,6 +136,19 @@ class SparseBayesian(NormalSolver[SparseBayesianState]):
             covariance=covariance if samples.covariance else None,
             verdicts=_verdicts(shares) if samples.verdicts else None,
         )
+        if self.gate.shadow:  # shadows that are no rare errors any more are the least-squares gate's to judge
+            again = np.flatnonzero(_against(values, x @ rig.q.T, albedo) & ~fatal_mask(flags))
+            if len(again):
+                fill(found, again, LeastSquares(gate=self.gate).solve(rig, some(samples, again)))
+        return found
+
+
+def _against(values: FloatArray, predicted: FloatArray, albedo: FloatArray) -> BoolArray:
+    """Return where too many observations are dark though the model (p, m) calls them lit, or the reverse, (p,)."""
+    with np.errstate(invalid="ignore"):
+        front = (predicted > DARK * albedo[:, None]) & np.isfinite(values)
+        bright = values > DARK * np.fmax.reduce(values, axis=1)[:, None]
+    return np.asarray(3 * (front ^ bright).sum(axis=1) >= np.maximum((front | bright).sum(axis=1), 1))
 
 
 def _flags(values: FloatArray, counts: IntArray) -> FlagArray:

@@ -8,6 +8,7 @@ from psstereo.depth import Integrator, Prior
 from psstereo.normals import Gate, NormalSolver
 from psstereo.normals.light_choice import LightChoice
 from psstereo.normals.strength_choice import StrengthChoice
+from psstereo.normals.views import SampleViews
 from psstereo.results import DepthResult, NormalsResult, Outcome, Step
 from psstereo.surface_mesh import SurfaceMesh
 from psstereo.types import BoolArray
@@ -48,6 +49,8 @@ class Options:
         Whether every stage that applies is done, needed or not: to see that what the plan leaves out changes nothing.
     diagnose : bool
         Whether to look for what is wrong with the capture; the plan's facts then have the findings.
+    views : bool
+        Whether to keep small images and residuals, for a report.
     gray, clip, valid_range, observation_mask, verdicts, max_memory, workers
         As in :func:`psstereo.normals.estimate_normals`.
     """
@@ -66,6 +69,7 @@ class Options:
     prior: Prior | None = None
     nothing_left_out: bool = False
     diagnose: bool = False
+    views: bool = False
     max_memory: int | None = None
     workers: int = 1
 
@@ -86,6 +90,8 @@ class Reconstruction:
         What was done and what was left out.
     plan : Plan
         What was decided, and the facts that it rests on.
+    views : SampleViews or None
+        Small images and residuals, if asked for; never under near lamps.
     """
 
     normals: NormalsResult
@@ -93,6 +99,7 @@ class Reconstruction:
     mesh: SurfaceMesh | None
     steps: tuple[Step, ...]
     plan: "Plan"
+    views: SampleViews | None = None
 
     @property
     def converged(self) -> bool:

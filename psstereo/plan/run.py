@@ -14,6 +14,7 @@ from psstereo.normals.estimate import solve_gathered
 from psstereo.normals.gathered import Gathered, Reading, gathered
 from psstereo.normals.light_choice import ChosenLights, choose_lights
 from psstereo.normals.strength_choice import ChosenStrengths, choose_strengths
+from psstereo.normals.views import views_of
 from psstereo.plan.facts import Facts
 from psstereo.plan.near_run import refuse_for_near, run_near
 from psstereo.plan.options import Options, Reconstruction
@@ -74,7 +75,8 @@ def survey_and_run(
         plan = make_plan(found, options)
         settled_capture, settled = follow(plan, lit.capture, options)
         normals = _solve(samples, settled, lit, {"survey": seconds}, over=over, progress=progress)
-    return _finish(plan, settled_capture, settled, lit, normals, progress=progress)
+        views = views_of(samples, normals) if options.views else None
+    return replace(_finish(plan, settled_capture, settled, lit, normals, progress=progress), views=views)
 
 
 def survey_capture(capture: Capture, options: Options, *, over: Map = map, progress: Progress = no_progress) -> Facts:
@@ -145,7 +147,8 @@ def run_plan(
     settled.solver.prepare(lit.capture.rig)  # before anything is decoded: a bad rig is told at once
     with _gathered(lit.capture, settled, over, progress) as samples:
         normals = _solve(samples, settled, lit, {}, over=over, progress=progress)
-    return _finish(plan, capture, settled, lit, normals, progress=progress)
+        views = views_of(samples, normals) if options.views else None
+    return replace(_finish(plan, capture, settled, lit, normals, progress=progress), views=views)
 
 
 def follow(plan: Plan, capture: Capture, options: Options) -> tuple[Capture, Options]:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from psstereo.flags import FLAGS
+from psstereo.normals.views import SampleViews
 from psstereo.report.light_plot import light_plot
 from psstereo.report.pictures import as_uri, coloured, contact_sheet, gray, normal_colours, shrunk
 from psstereo.report.relight import relight_data
-from psstereo.report.views import SampleViews
 from psstereo.results import DepthKind, DepthResult, NormalsResult, Step
 from psstereo.types import FloatArray
 

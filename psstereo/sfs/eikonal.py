@@ -57,7 +57,8 @@ class Eikonal(ShadingMethod):
     max_sweeps : int
         Sweeps at most, in each phase.
     length_unit : str
-        Unit of length that a lamp's flux is in.
+        Unit of length that a lamp's flux is in; without meaning where the albedo is assumed, not given: distances are
+        relative then.
 
     Raises
     ------
@@ -163,7 +164,7 @@ class Eikonal(ShadingMethod):
             depth=DepthResult(
                 depth=depth,
                 kind=image.camera.depth_kind,
-                unit=self.length_unit if singular is None else image.camera.unit,
+                unit=self.length_unit if singular is None and not _scale_is_free(image) else image.camera.unit,
                 components=components,
                 iterations=found.sweeps,
                 residual=found.change,
@@ -221,6 +222,11 @@ class Eikonal(ShadingMethod):
             )
             said.append(Assumption(name="start", basis=Basis.ASSUMED, sentence=stand_in))
         return said
+
+
+def _scale_is_free(image: ShadedImage) -> bool:
+    """Return whether nobody knows the albedo under a lamp, so that distances have no length."""
+    return any(one.name == "albedo" and one.basis is Basis.ASSUMED for one in image.sources)
 
 
 def _known(image: ShadedImage) -> BoolArray:

@@ -11,7 +11,7 @@ import numpy as np
 from psstereo.camera import Camera
 from psstereo.errors import InputError, UnsupportedError
 from psstereo.flags import Flag
-from psstereo.lights import Light
+from psstereo.lights import Directional, Light
 from psstereo.results import DepthResult, NormalsResult, Outcome
 from psstereo.sfs.assumption import Assumption, Basis
 from psstereo.sfs.image import ShadedImage
@@ -190,12 +190,21 @@ def _require_light(image: ShadedImage) -> None:
             )
 
 
+def _light_words(light: Light) -> str:
+    """Say where a light is: a slip in its azimuth shows nowhere else."""
+    if not isinstance(light, Directional):
+        return f"It is of the kind {light.name}."
+    x, y, z = light.direction
+    azimuth, elevation = np.degrees(np.arctan2(y, x)) % 360.0, np.degrees(np.arctan2(z, np.hypot(x, y)))
+    return f"A sun at azimuth {azimuth:.1f}° from x right toward y up, elevation {elevation:.1f}°."
+
+
 def _common(image: ShadedImage) -> tuple[Assumption, ...]:
     """Name what every method takes from its caller."""
     albedo = np.asarray(image.albedo)
     paint = f"It is {float(albedo):g} everywhere." if albedo.ndim == 0 else "It is a map over the image."
     given = (
-        Assumption(name="light", basis=Basis.GIVEN, sentence=f"It is of the kind {image.light.name}."),
+        Assumption(name="light", basis=Basis.GIVEN, sentence=_light_words(image.light)),
         Assumption(name="albedo", basis=Basis.GIVEN, sentence=paint),
         Assumption(name="ambient", basis=Basis.GIVEN, sentence=f"The level {image.ambient:g} was subtracted."),
         Assumption(name="reflectance", basis=Basis.ASSUMED, sentence="The surface is matte."),

@@ -14,6 +14,7 @@ from psstereo.results import DepthKind, DepthResult
 from psstereo.sfs.assumption import Assumption
 from psstereo.sfs.image import ShadedImage
 from psstereo.sfs.method import ShadingSolution
+from psstereo.sfs.singular import label_components
 from psstereo.types import BoolArray, FlagArray, FloatArray
 
 __all__ = ["Sunlit", "solution_from_heights", "sunlit"]
@@ -60,7 +61,7 @@ def sunlit(image: ShadedImage) -> Sunlit:
     Raises
     ------
     InputError
-        If no pixel receives light, or the light stands behind the surface.
+        If no pixel receives light.
     """
     light = cast(Directional, image.light)  # what the methods' `lights` say
     strength = float(light.strength[0])
@@ -111,11 +112,9 @@ def solution_from_heights(
     ShadingSolution
         The solution; the brightness misfit of its normals is among the facts.
     """
-    from scipy import ndimage
-
     from psstereo.depth.from_depth import normals_from_depth
 
-    components = ndimage.label(sun.inside)[0].astype(np.int32)
+    components = label_components(sun.inside)
     labels = components[sun.inside]
     sums, counts = np.bincount(labels, heights[sun.inside]), np.maximum(np.bincount(labels), 1)
     settled = np.full(heights.shape, np.nan)

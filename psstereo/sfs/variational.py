@@ -9,7 +9,7 @@ import numpy as np
 from psstereo.camera import Camera, Orthographic, Pinhole
 from psstereo.depth.edges import EdgeSteps, components_of
 from psstereo.depth.rows import Rows
-from psstereo.errors import InputError, OptionError
+from psstereo.errors import InputError, OptionError, UnsupportedError
 from psstereo.flags import Flag
 from psstereo.lights import Directional, Harmonics, Light
 from psstereo.results import DepthKind, DepthResult, Outcome
@@ -38,6 +38,8 @@ _SMALL = 128 * 128
 """Pixels of a grid up to which every way is tried; then the one of least energy goes on."""
 _ROUNDING = 1e-9
 """Brightness above the greatest that is rounding [1]."""
+_STUCK = 0.01
+"""Root-mean-square misfit, as a share of the greatest brightness, that an unmoved surface may leave [1]."""
 _SHADOWS = ("attached", "unknown")
 
 
@@ -128,6 +130,7 @@ class Variational(ShadingMethod):
         grid, flags = self._problem(image, window)
         with Rows(self.threads) as rows:
             found, record = self._descend(grid, window, rows, progress)
+        _require_moved(found, record, grid)
         p, q, sloped = _slopes(found.values, grid)
         weighed = sloped & (grid.weight > 0)
         anchored, components = _anchors(grid)
@@ -251,6 +254,19 @@ class _Track:
         self.values = self.found.values
         self.steps.append(len(self.found.energies) - 1)
         self.products += self.found.products
+
+
+def _require_moved(found: Found, record: dict[str, Any], grid: Grid) -> None:
+    """Refuse a surface that never moved although it does not explain the image: it stands on a saddle."""
+    misfit = math.sqrt(found.misfit / max(float(grid.weight.sum()), 1.0))
+    if any(record["steps"]) or misfit <= _STUCK:
+        return
+    raise UnsupportedError(
+        given=f"No step away from the first surface makes the image fit better; its misfit is {misfit:.2g}.",
+        needed="Light from the side, or a start that is not flat: where a flat surface faces the light, brightness"
+        " does not tell in which direction to tilt it.",
+        remedy="Set relief=convex or relief=concave, give a prior or known heights, or use the method eikonal.",
+    )
 
 
 def _outcome(converged: bool, missing: bool) -> Outcome:

@@ -29,7 +29,10 @@ def test_types_and_stub_are_shipped(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
     assert {"psstereo/py.typed", "psstereo/__init__.pyi", "psstereo_cli/py.typed", "psstereo_synth/py.typed"} <= names
-    assert not [name for name in names if "test" in name or name.endswith((".pyc", ".png"))]
+    parts = {part for name in names for part in name.split("/")}
+    assert not [part for part in parts if part == "tests" or part.startswith(("test_", "conftest"))]
+    assert not [name for name in names if name.endswith((".pyc", ".png"))]
+    assert "psstereo/report/page.html" in names
 
 
 def test_contents_pass_the_checker(wheel: Path) -> None:

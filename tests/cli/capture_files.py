@@ -19,9 +19,13 @@ def everything(folder: Path) -> dict[str, bytes]:
     }
 
 
+TIMED = {"run.json", "report.html"}
+"""What says how long things took, and so differs from run to run."""
+
+
 def results(out: Path) -> dict[str, bytes]:
     """Return the files of a result but the record, which holds times, and folders."""
-    return {p.name: p.read_bytes() for p in out.iterdir() if p.is_file() and p.name != "run.json"}
+    return {p.name: p.read_bytes() for p in out.iterdir() if p.is_file() and p.name not in TIMED}
 
 
 def record_of(out: Path) -> dict:

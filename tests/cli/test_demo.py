@@ -7,6 +7,7 @@ import pytest
 
 from psstereo.depth import INTEGRATORS, Poisson
 from psstereo_cli.commands import demo as demo_module
+from tests.cli.capture_files import TIMED
 
 
 def test_it_leaves_a_scored_result(run, tmp_path):
@@ -55,7 +56,7 @@ def test_the_next_free_name_is_taken(run, tmp_path, monkeypatch):
 
 
 def files(folder):
-    return {p.name: p.read_bytes() for p in folder.iterdir() if p.name != "run.json"}
+    return {p.name: p.read_bytes() for p in folder.iterdir() if p.name not in TIMED}
 
 
 def test_the_same_seed_gives_the_same_bytes(run, tmp_path):

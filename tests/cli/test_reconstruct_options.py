@@ -11,6 +11,7 @@ from psstereo.verdict import Verdict
 from tests.cli.capture_files import (
     ARRAYS,
     PICTURES,
+    TIMED,
     assert_one_message,
     everything,
     keep_images,
@@ -181,7 +182,7 @@ def test_overwriting_replaces_the_whole_result(run, folder, tmp_path, plain):
     assert "--overwrite" in refused.err
     assert everything(out) == everything(plain)
     assert run("reconstruct", folder, "-o", out, "--normals-only", "--overwrite").code == 0
-    assert {p.name for p in out.iterdir()} == ARRAYS | PICTURES | {"run.json"}  # no depth of the earlier run stays
+    assert {p.name for p in out.iterdir()} == ARRAYS | PICTURES | TIMED  # no depth of the earlier run stays
     assert run("reconstruct", folder, "-o", out, "--overwrite").code == 0
     assert results(out) == results(plain)
 
@@ -329,7 +330,7 @@ def test_a_result_with_verdicts_can_be_replaced(run, folder, tmp_path):
     out = tmp_path / "out"
     for words in (("--verdicts",), ("--verdicts", "--overwrite"), ("--overwrite",)):
         assert run("reconstruct", folder, "-o", out, "--normals-only", *words).code == 0
-    assert {p.name for p in out.iterdir()} == ARRAYS | PICTURES | {"run.json"}
+    assert {p.name for p in out.iterdir()} == ARRAYS | PICTURES | TIMED
 
 
 @pytest.mark.parametrize("what", ["missing", "picture", "other images", "result"])

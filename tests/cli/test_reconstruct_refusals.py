@@ -94,7 +94,7 @@ def test_a_place_that_cannot_be_written_to(run, folder, tmp_path, monkeypatch):
 def test_a_disk_that_is_full_leaves_nothing_and_takes_nothing(run, folder, tmp_path, monkeypatch, plain, overwrite):  # noqa: PLR0917
     from psstereo.io import result_folder
 
-    def full(*_arguments):
+    def full(*_arguments, **_words):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(result_folder, "write_mesh", full)

@@ -13,7 +13,7 @@ from psstereo.io import read_capture
 from psstereo.io.normal_map import read_normal_map
 from psstereo.metrics import angular_error
 from psstereo.normals import NORMAL_SOLVERS
-from tests.cli.capture_files import ARRAYS, DEPTH, PICTURES, read_png, record_of, results, write_capture
+from tests.cli.capture_files import ARRAYS, DEPTH, PICTURES, TIMED, read_png, record_of, results, write_capture
 
 
 def test_a_result_holds_what_the_contract_says(run, folder, tmp_path):
@@ -21,7 +21,7 @@ def test_a_result_holds_what_the_contract_says(run, folder, tmp_path):
     done = run("reconstruct", folder, "-o", out)
     assert done.code == 0
     assert done.out == ""
-    assert {p.name for p in out.iterdir()} == ARRAYS | PICTURES | DEPTH | {"run.json"}
+    assert {p.name for p in out.iterdir()} == ARRAYS | PICTURES | DEPTH | TIMED
     assert [p.name for p in out.parent.iterdir()] == ["out"]
     shapes = {
         name: (*(a := np.load(out / f"{name}.npy", allow_pickle=False)).shape, a.dtype.name)
@@ -190,7 +190,7 @@ def test_a_person_is_told_what_was_used(run, folder, tmp_path):
 def test_normals_only_leaves_depth_and_mesh_out(run, folder, tmp_path):
     run("reconstruct", folder, "-o", tmp_path / "all")
     done = run("reconstruct", folder, "-o", tmp_path / "out", "--normals-only", "--json")
-    assert {p.name for p in (tmp_path / "out").iterdir()} == ARRAYS | PICTURES | {"run.json"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} == ARRAYS | PICTURES | TIMED
     assert done.record["depth"] is None
     assert done.record["mesh"] is None
     assert [s["done"] for s in done.record["steps"] if s["name"] == "depth and mesh"] == [False]
@@ -245,7 +245,7 @@ def test_a_run_that_did_not_converge_ends_with_4_and_keeps_its_result(run, folde
     assert done.code == 4
     assert done.record["depth"]["outcome"] == "not_converged"
     assert done.record["depth"]["iterations"] == 1
-    assert {p.name for p in (tmp_path / "out").iterdir()} == ARRAYS | PICTURES | DEPTH | {"run.json"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} == ARRAYS | PICTURES | DEPTH | TIMED
     told = run("reconstruct", folder, "-o", tmp_path / "out2")
     assert told.code == 4
     assert "stopped at its limit" in told.text

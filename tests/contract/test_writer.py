@@ -166,7 +166,7 @@ def test_replaces_only_a_folder_of_the_same_files_and_only_if_asked(name, tmp_pa
     target.mkdir()
     write_capture(capture, target, name, truth=truth)
     first = everything(target)
-    with pytest.raises(ExistingResultError, match="earlier capture"):
+    with pytest.raises(ExistingResultError, match="earlier run wrote"):
         write_capture(capture, target, name, truth=truth)
     assert everything(target) == first
     again = changed(capture, stack=MemoryStack(capture.stack.read()[::-1]))

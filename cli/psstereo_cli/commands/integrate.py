@@ -107,20 +107,22 @@ def integrate(
     from psstereo_cli.console import progress_bars
     from psstereo_cli.derived import derive
     from psstereo_cli.execution import available_threads, parse_size
+    from psstereo_cli.inputs import require_outside
     from psstereo_cli.integration_record import integration_record, warnings_about
     from psstereo_cli.known_depth import load_prior
     from psstereo_cli.large import integrate_large, too_large
     from psstereo_cli.settings import build_integrator
 
     require_free(out, overwrite=overwrite)  # told before the work, not after it
-    _require_outside(out, normals, mask, matrix, prior, weights)
+    require_outside(out, normals, mask, matrix, prior, weights)
     count = threads or available_threads()
     method = build_integrator(integrator, option or [], threads=count)
     camera = described_camera(matrix, pixel_size)
     bound = parse_size(max_memory)
     if bound is not None and too_large(normals, bound):
         unused = {"--weights": weights, "--prior": prior, "--distance": distance, "--relief": relief}
-        unused |= {"--curvature": curvature, "--mask": None if mask == "none" else mask}
+        unused |= {"--curvature": curvature, "--mask": None if mask == "none" else mask, "--variable": variable}
+        unused |= {"--prior-sigma": prior_sigma, "--prior-unit": prior_unit}
         record, converged = integrate_large(
             normals, out, camera, method, convention, bound, unused=unused, overwrite=overwrite
         )
@@ -166,19 +168,6 @@ def integrate(
         overwrite=overwrite,
     )
     _tell(out, record, converged=result.depth.outcome.converged, as_json=as_json)
-
-
-def _require_outside(out: Path, *inputs: Path | str | None) -> None:
-    """Refuse to replace a folder that holds what is to be read."""
-    from psstereo.errors import ExistingResultError
-
-    for path in inputs:
-        if path is not None and Path(path).exists() and out.resolve() in Path(path).resolve().parents:
-            raise ExistingResultError(
-                given=f"{path} lies in {out}, which would be replaced.",
-                needed="What is read has to stay.",
-                remedy="Choose another folder with -o.",
-            )
 
 
 def _tell(out: Path, record: dict[str, Any], *, converged: bool, as_json: bool) -> None:

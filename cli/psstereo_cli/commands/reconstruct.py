@@ -133,6 +133,10 @@ def reconstruct(
             " threads are used unless told otherwise."
         ),
     ] = None,
+    no_report: Annotated[
+        bool,
+        typer.Option("--no-report", help="Leave report.html out, and the search for what is wrong with the capture."),
+    ] = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -204,6 +208,7 @@ def reconstruct(
             out,
             command="reconstruct",
             plan=planned,
+            report=not no_report,
             overwrite=overwrite,
             over=over,
             progress=progress,
@@ -315,6 +320,7 @@ def run_and_save(
     *,
     command: str,
     plan: "Plan | None" = None,
+    report: bool = True,
     overwrite: bool,
     over: Any,
     progress: Any,
@@ -333,6 +339,8 @@ def run_and_save(
         For the record.
     plan : Plan, optional
         What to do, if it is not to be decided.
+    report : bool
+        Whether to write the report too, and to look for what is wrong with the capture for it.
     overwrite : bool
         Whether an earlier result may be replaced.
     over : map-like
@@ -345,12 +353,19 @@ def run_and_save(
     Reconstruction, dict
         The result and its record.
     """
+    from dataclasses import replace
+
     from psstereo.io.result_folder import write_result
     from psstereo.pipeline import reconstruct as run
     from psstereo.plan.plan_file import plan_record
     from psstereo_cli.record import run_record
+    from psstereo_cli.reporting import run_report
 
+    options = replace(options, views=report, diagnose=report and plan is None)
     result = run(capture, options, plan=plan, over=over, progress=progress)
     record = run_record(command, capture, result, {"plan": plan_record(result.plan)})
-    write_result(out, result.normals, depth=result.depth, mesh=result.mesh, record=record, overwrite=overwrite)
+    page = run_report(capture, result) if report else None
+    write_result(
+        out, result.normals, depth=result.depth, mesh=result.mesh, record=record, report=page, overwrite=overwrite
+    )
     return result, record

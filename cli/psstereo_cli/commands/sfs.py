@@ -59,7 +59,11 @@ def sfs(
         float | None, typer.Option(help="Under parallel projection, length of a pixel on the surface, in mm.")
     ] = None,
     heights: Annotated[
-        Path | None, typer.Option(help="Depth that is known exactly, at the border or at summits; NaN elsewhere.")
+        Path | None,
+        typer.Option(
+            help="Depth that is known exactly, at the border or at summits, in the unit of the result: floating-point"
+            " numbers in .npy, .npz, .mat, TIFF or EXR; NaN elsewhere."
+        ),
     ] = None,
     prior: PriorFile = None,
     prior_sigma: PriorSigma = None,
@@ -96,10 +100,12 @@ def sfs(
     from psstereo.sfs.silhouette import with_silhouette
     from psstereo_cli.console import progress_bars
     from psstereo_cli.execution import available_threads
+    from psstereo_cli.inputs import require_outside
     from psstereo_cli.settings import build_shading_method
     from psstereo_cli.shading_record import shading_record
 
     require_free(out, overwrite=overwrite)  # told before the work, not after it
+    require_outside(out, image, mask, matrix, heights, prior)
     solver = build_shading_method(method, option or [], threads=threads or available_threads())
     shaded = _image(image, light, number, albedo, ambient, mask, _camera(matrix, pixel_size), response, gray)
     shaded, notes = _known(shaded, heights, prior, prior_sigma, prior_unit)
@@ -182,6 +188,7 @@ def _light(words: str) -> "Light | None":
     """Return the light that was described; None if it is to be estimated."""
     import numpy as np
 
+    from psstereo.errors import OptionError
     from psstereo.lights import Directional, Harmonics, Led
     from psstereo_cli.execution import parse_floats
 
@@ -193,6 +200,12 @@ def _light(words: str) -> "Light | None":
     if len(numbers) == 9:
         return Harmonics(coefficients=np.array(numbers))
     azimuth, elevation = parse_floats(words, 2, "light (AZ,EL, or nine harmonics)")
+    if not (np.isfinite(azimuth) and -90.0 <= elevation <= 90.0):
+        raise OptionError(
+            given=f"The light stands at azimuth {azimuth:g}°, elevation {elevation:g}°.",
+            needed="An elevation from -90 to 90 degrees: 90 is light from the camera, 0 grazes the image plane.",
+            remedy="For the other side add 180 degrees to the azimuth.",
+        )
     turn, height = np.radians(azimuth), np.radians(elevation)
     direction = np.array([np.cos(height) * np.cos(turn), np.cos(height) * np.sin(turn), np.sin(height)])
     return Directional(direction=direction, strength=np.ones(1))
@@ -201,7 +214,7 @@ def _light(words: str) -> "Light | None":
 def _number(words: str, what: str) -> float | None:
     from psstereo_cli.execution import parse_floats
 
-    return None if words == "estimate" else parse_floats(words, 1, what)[0]
+    return None if words == "estimate" else parse_floats(words, 1, f"{what} (a number, or estimate)")[0]
 
 
 def _known(
@@ -212,6 +225,7 @@ def _known(
 
     import numpy as np
 
+    from psstereo.errors import InputError
     from psstereo.io.value_map import read_value_map
     from psstereo_cli.known_depth import load_prior
 
@@ -220,6 +234,12 @@ def _known(
     exact = None
     if heights is not None:
         found = read_value_map(heights, shape, what="heights", names=("heights", "depth"))
+        if found.values.dtype.kind != "f":
+            raise InputError(
+                given=f"The heights {heights.name} are whole numbers ({found.values.dtype}).",
+                needed="Floating-point numbers in the unit of the depth, NaN where no height is known.",
+                remedy="Save them as .npy or 32-bit TIFF; whole numbers can be a --prior with its --prior-unit.",
+            )
         exact = np.where(found.no_data, np.nan, np.asarray(found.values, np.float64))
     return replace(image, prior=rough, heights=exact), notes
 
@@ -244,6 +264,7 @@ def _tell(out: Path, record: dict[str, Any], *, converged: bool, as_json: bool) 
             ("method", f"{normals['method']}, {record['seconds']:.2f} s"),
             ("normals", normals["outcome_text"]),
             ("depth", f"{depth['kind']} [{depth['unit']}] from {span}."),
+            *_misfit(normals),
             *(
                 (f"flag {name}", f"{count} pixels")
                 for name, count in normals["flags"].items()
@@ -254,3 +275,11 @@ def _tell(out: Path, record: dict[str, Any], *, converged: bool, as_json: bool) 
         say(f"The result is in {out}.")
     if not converged:
         raise typer.Exit(NOT_CONVERGED)
+
+
+def _misfit(normals: dict[str, Any]) -> list[tuple[str, str]]:
+    """Say how far the image of the result is from the one that was given."""
+    found = normals.get("brightness_misfit", normals.get("data_residual"))
+    if found is None:
+        return []
+    return [("brightness misfit", f"{found:.3g} of a facing surface; other surfaces may have as small a one.")]

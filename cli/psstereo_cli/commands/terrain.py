@@ -86,10 +86,13 @@ def terrain(
     from psstereo.io.atomic import require_free
     from psstereo.sfs.terrain.files import read_brightness, read_heights
     from psstereo.sfs.terrain.refine import TerrainOptions, refine_terrain
+    from psstereo_cli.cameras import parse_response
     from psstereo_cli.console import progress_bars
     from psstereo_cli.execution import available_threads
+    from psstereo_cli.inputs import require_outside
 
     require_free(out, overwrite=overwrite, names=_FILES)
+    require_outside(out, dem, *images)
     options = TerrainOptions(
         lunar_weight=lunar_weight,
         noise=noise,
@@ -103,7 +106,7 @@ def terrain(
         threads=threads or available_threads(),
     )
     size = _size(cell)
-    frames = [read_brightness(path, _response(response)) for path in images]
+    frames = [read_brightness(path, parse_response(response)) for path in images]
     with progress_bars() as progress:
         result = refine_terrain(
             read_heights(dem, name=variable),
@@ -132,15 +135,6 @@ def _size(text: str) -> tuple[float, float]:
             remedy="Write it such as --cell 74.3,92.6.",
         )
     return sides[0], sides[-1]
-
-
-def _response(text: str) -> Any:
-    from psstereo.stack import Response
-    from psstereo_cli.execution import parse_floats
-
-    if text in ("linear", "srgb"):
-        return Response(text)
-    return Response("gamma", parse_floats(text, 1, "response")[0])
 
 
 def _directions(angles: list[str], count: int) -> "FloatArray":

@@ -203,7 +203,7 @@ def make_capture(folder: Path, text: str = "old") -> Path:
 
 def test_a_capture_of_the_same_files_is_replaced_if_asked_for(tmp_path):
     target = make_capture(tmp_path / "out")
-    with pytest.raises(ExistingResultError, match="earlier capture"):
+    with pytest.raises(ExistingResultError, match="earlier run wrote"):
         require_free(target, overwrite=False, names=NAMES)
     (target / "sub" / "Thumbs.db").write_text("")
     with new_folder(target, overwrite=True, names=NAMES) as work:

@@ -290,9 +290,9 @@ class Restless(LeastSquares):
 
 
 class Exhausted(Restless):
-    """A solver that gives up at two pixels in a hundred."""
+    """A solver that gives up at one pixel in ten."""
 
-    every = 50
+    every = 10
 
 
 def test_pixels_that_did_not_converge_are_no_success(scene):
