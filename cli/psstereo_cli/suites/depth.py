@@ -84,7 +84,7 @@ def _on_rectangles(surface: "Relieved", threads: int) -> dict[str, Callable[[], 
     rows, columns = surface.mask.shape
     return {
         "poisson": partial(_integrate, Poisson(threads=threads), surface),
-        "poisson, plain": partial(_integrate, Poisson(turn=None, threads=threads), surface),
+        "poisson, plain": partial(_integrate, Poisson(turn=None, slant_exponent=0.0, threads=threads), surface),
         "frankot-chellappa": partial(_integrate, FrankotChellappa(threads=threads), surface),
         "bare transform": partial(bare_transform, (rows, columns)),
     }
