@@ -62,13 +62,18 @@ def planner(
     scenes = {name: _gallery(name, (height, width)) for name in SCENES} | _captures(folder)
     records: list[Record] = []
     chosen: dict[str, str] = {}
+    declined: dict[str, str] = {}
     for done, (name, make) in enumerate(scenes.items()):
-        records += _scene(name, *make(), repeats=repeats, over=over, chosen=chosen)
+        records += _scene(name, *make(), repeats=repeats, over=over, chosen=chosen, declined=declined)
         progress("suite planner", done + 1, len(scenes))
     return (
         records,
         PLANNED,
-        {"table": _table(records, chosen), "notes": _notes(), "sizes": {"width": width, "height": height}},
+        {
+            "table": _table(records, chosen),
+            "notes": [*_notes(), *declined.values()],
+            "sizes": {"width": width, "height": height},
+        },
     )
 
 
@@ -115,10 +120,17 @@ def _read(place: Path) -> "tuple[Capture, Truth]":
 
 
 def _scene(
-    name: str, capture: "Capture", truth: "Truth", *, repeats: int, over: "Map", chosen: dict[str, str]
+    name: str,
+    capture: "Capture",
+    truth: "Truth",
+    *,
+    repeats: int,
+    over: "Map",
+    chosen: dict[str, str],
+    declined: dict[str, str],
 ) -> "list[Record]":
-    """Run everything on one scene, in turns; what refuses the scene is left out."""
-    from psstereo.errors import PsstereoError
+    """Run everything on one scene, in turns; a solver that declines the scene is left out, and said."""
+    from psstereo.bench.run import DECLINES, why_declined
     from psstereo.normals import NORMAL_SOLVERS
     from psstereo.pipeline import Options, reconstruct
 
@@ -137,8 +149,9 @@ def _scene(
             started, worked = time.perf_counter(), time.process_time()
             try:
                 results[method] = reconstruct(capture, options, over=over).normals
-            except PsstereoError:
+            except DECLINES as refusal:
                 del ways[method]
+                declined[f"{name}, {method}"] = f"{name}, {method}: {why_declined(refusal)}"
                 continue
             seconds = {"total": time.perf_counter() - started, "processor": time.process_time() - worked}
             if repeat >= 0:

@@ -62,6 +62,8 @@ class ModelStage(Stage):
         choice = choose_by_facts(facts)
         if choice.solver in self.solvers:
             return Use(reason=choice.reason, figure=choice.figure, options={"solver": choice.solver})
+        if choice.solver != LeastSquares.name:
+            return Skip(reason=f"The solver {choice.solver} is taken instead.", figure=self.figure(facts))
         return Skip(reason=self.needless, figure=self.figure(facts))
 
     def figure(self, facts: Facts) -> str:
