@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from psstereo.errors import PsstereoError
+from psstereo.flags import Flag
 from psstereo.lights import Rig
 from psstereo.metrics import angular_error
 from psstereo.normals import NormalSolver, PixelNormals, Samples
@@ -25,6 +26,8 @@ __all__ = ["Trial", "fold_count", "folds", "try_solver"]
 
 _MANY, _FEW = 48, 24
 """Lights from which a third of them may be taken away, and up to which an eighth is enough."""
+_UNSETTLED = 0.05
+"""Share of pixels at which a solver may stop before it has converged and still be a choice."""
 _LOST = np.radians(20.0)
 """What counts for a pixel that cannot be solved without some of the lights [rad]."""
 
@@ -95,7 +98,8 @@ def try_solver(solver: NormalSolver[Any], rig: Rig, values: FloatArray) -> tuple
     Returns
     -------
     (Trial, PixelNormals) or None
-        How it did, and its answer with all lights; None if it refuses these lights, or fewer of them.
+        How it did, and its answer with all lights; None if it refuses these lights, or fewer of them, or does not
+        settle at too many of the pixels.
     """
     chosen = folds(rig)
     if min(len(one) for one in chosen) < solver.least_lights:
@@ -104,6 +108,8 @@ def try_solver(solver: NormalSolver[Any], rig: Rig, values: FloatArray) -> tuple
         started = time.perf_counter()
         whole = solver.solve(solver.prepare(rig), Samples(values))
         seconds = time.perf_counter() - started
+        if np.mean((whole.flags & np.uint16(Flag.NOT_CONVERGED)) != 0) > _UNSETTLED:
+            return None
         moved = np.zeros(values.shape[1])
         for part, stays in enumerate(chosen):
             few, own = rig.select(stays), slice(part, None, len(chosen))
