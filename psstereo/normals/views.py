@@ -10,8 +10,8 @@ from psstereo.types import BoolArray, FloatArray
 
 __all__ = ["SampleViews", "views_of"]
 
-_BLOCK = 1 << 16
-"""Pixels that are looked at together."""
+_BLOCK = 1 << 12
+"""Pixels that are looked at together; their samples stay in the processor's cache."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,12 +58,13 @@ def views_of(samples: Gathered, result: NormalsResult, *, side: int = 96) -> Sam
     count = samples.store.shape[1]
     small = np.full((count, -(-height // step), -(-width // step)), np.nan, np.float32)
     residual = np.full(height * width, np.nan, np.float32)
-    directions = samples.capture.rig.directions
-    normals = result.normals.reshape(-1, 3)
+    directions = samples.capture.rig.directions.astype(np.float32)
+    normals = result.normals.reshape(-1, 3).astype(np.float32)
     total = len(samples.pixels.indices)
     for start in range(0, total, _BLOCK):
         stop = min(total, start + _BLOCK)
-        values = samples.store.read(start, stop).mean(axis=0)
+        read = samples.store.read(start, stop)
+        values = read[0] if len(read) == 1 else read.mean(axis=0)
         places = samples.pixels.indices[start:stop]
         chosen = thin[start:stop]
         small[:, row[start:stop][chosen] // step, column[start:stop][chosen] // step] = values[:, chosen]
@@ -75,8 +76,8 @@ def _deviation(values: FloatArray, facing: FloatArray) -> FloatArray:
     """Return the relative deviation of samples (m, p) from the matte surface with cosines (m, p) that fits best."""
     with np.errstate(invalid="ignore", divide="ignore"):
         lit = np.isfinite(values) & (facing > 0)
-        kept, shade = np.where(lit, values, 0.0), np.where(lit, facing, 0.0)
-        scale = (kept * shade).sum(axis=0) / (shade * shade).sum(axis=0)
-        off = np.where(lit, kept - scale * shade, 0.0)
-        mean = (off * off).sum(axis=0) / np.maximum(lit.sum(axis=0), 1)
-        return np.where(lit.any(axis=0), np.sqrt(mean) / scale, np.nan)
+        kept, shade = np.where(lit, values, np.float32(0.0)), np.where(lit, facing, np.float32(0.0))
+        scale = np.einsum("ij,ij->j", kept, shade) / np.einsum("ij,ij->j", shade, shade)
+        kept -= scale * shade  # 0 where nothing is lit
+        mean = np.einsum("ij,ij->j", kept, kept) / np.maximum(np.count_nonzero(lit, axis=0), 1)
+        return np.asarray(np.where(lit.any(axis=0), np.sqrt(mean) / scale, np.nan))

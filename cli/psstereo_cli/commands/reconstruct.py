@@ -135,7 +135,13 @@ def reconstruct(
     ] = None,
     no_report: Annotated[
         bool,
-        typer.Option("--no-report", help="Leave report.html out, and the search for what is wrong with the capture."),
+        typer.Option("--no-report", help="Leave report.html out."),
+    ] = False,
+    diagnose: Annotated[
+        bool,
+        typer.Option(
+            "--diagnose", help="Look for what is wrong with the capture too, for the report; psstereo plan always does."
+        ),
     ] = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
@@ -209,6 +215,7 @@ def reconstruct(
             command="reconstruct",
             plan=planned,
             report=not no_report,
+            diagnose=diagnose,
             overwrite=overwrite,
             over=over,
             progress=progress,
@@ -321,6 +328,7 @@ def run_and_save(
     command: str,
     plan: "Plan | None" = None,
     report: bool = True,
+    diagnose: bool = False,
     overwrite: bool,
     over: Any,
     progress: Any,
@@ -340,7 +348,9 @@ def run_and_save(
     plan : Plan, optional
         What to do, if it is not to be decided.
     report : bool
-        Whether to write the report too, and to look for what is wrong with the capture for it.
+        Whether to write the report too.
+    diagnose : bool
+        Whether to look for what is wrong with the capture.
     overwrite : bool
         Whether an earlier result may be replaced.
     over : map-like
@@ -361,7 +371,7 @@ def run_and_save(
     from psstereo_cli.record import run_record
     from psstereo_cli.reporting import run_report
 
-    options = replace(options, views=report, diagnose=report and plan is None)
+    options = replace(options, views=report, diagnose=diagnose)
     result = run(capture, options, plan=plan, over=over, progress=progress)
     record = run_record(command, capture, result, {"plan": plan_record(result.plan)})
     page = run_report(capture, result) if report else None
