@@ -15,6 +15,7 @@ __all__ = [
     "PriorFile",
     "PriorSigma",
     "PriorUnit",
+    "RigOption",
     "Threads",
 ]
 
@@ -61,6 +62,13 @@ PriorUnit = Annotated[
         "--prior-unit",
         help="Unit of the prior, such as mm, or what a step of 1 is worth, such as 0.2mm; if absent, that of the"
         " heights, and mm for distances. Whole numbers need it.",
+    ),
+]
+RigOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--rig",
+        help="Rig file of `psstereo calibrate`: lights, and what is known of the camera, instead of the folder's own.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print a record for machines on stdout.")]

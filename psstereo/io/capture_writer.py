@@ -1,6 +1,5 @@
 """Captures written in our own layout: ``capture.toml``, images, mask and truth."""
 
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import ClassVar
@@ -12,11 +11,12 @@ from psstereo.capture import Capture, Truth
 from psstereo.errors import InputError, UnsupportedError
 from psstereo.io.layout_writer import LayoutWriter, Save, mask_file, text_file
 from psstereo.io.pictures import write_png
+from psstereo.io.toml_text import toml_number, toml_rows, toml_text
 from psstereo.io.write_checks import LampTable, known_lights, require_channels
 from psstereo.lights import StrengthUnit
 from psstereo.stack import ImageStack
 from psstereo.stack.stack import full_scale
-from psstereo.types import Array, FloatArray
+from psstereo.types import Array
 
 __all__ = ["CaptureWriter"]
 
@@ -80,31 +80,31 @@ class CaptureWriter(LayoutWriter):
         lines.append("]")
         whole = stack.dtype.kind == "u"
         if stack.white != full_scale(stack.dtype) or stack.saturates != whole:
-            lines.append(f"white_level = {_number(stack.white)}")
+            lines.append(f"white_level = {toml_number(stack.white)}")
         if capture.response.name == "gamma":
-            lines.append(f"response = {_number(capture.response.exponent)}")
+            lines.append(f"response = {toml_number(capture.response.exponent)}")
         elif not capture.response.is_linear:
-            lines.append(f"response = {_text(capture.response.name, 'camera response')}")
+            lines.append(f"response = {toml_text(capture.response.name, 'camera response')}")
         if capture.dark is not None:
             lines.append('dark_linear = "dark.npy"')
         if capture.radiance_at_white is not None:
-            lines.append(f"radiance_at_white = {_number(capture.radiance_at_white)}")
+            lines.append(f"radiance_at_white = {toml_number(capture.radiance_at_white)}")
         return lines
 
 
 def _head(capture: Capture) -> list[str]:
-    return [f"name = {_text(capture.name, 'name of the capture')}"]
+    return [f"name = {toml_text(capture.name, 'name of the capture')}"]
 
 
 def _lights(capture: Capture, layout: str) -> list[str]:
     found = known_lights(capture, layout)
     lines = ["", "[lights]"]
     if isinstance(found, LampTable):
-        lines += [*_rows("positions", found.positions), *_rows("axes", found.axes)]
-        lines += [*_rows("mu", found.mu[:, None]), *_rows("flux", found.flux)]
+        lines += [*toml_rows("positions", found.positions), *toml_rows("axes", found.axes)]
+        lines += [*toml_rows("mu", found.mu[:, None]), *toml_rows("flux", found.flux)]
     else:
         directions, strengths = found
-        lines += [*_rows("directions", directions), *_rows("strengths", strengths)]
+        lines += [*toml_rows("directions", directions), *toml_rows("strengths", strengths)]
     if capture.rig.strength_unit is StrengthUnit.IRRADIANCE:
         lines.append('unit = "W/m2"')
     return lines
@@ -113,10 +113,10 @@ def _lights(capture: Capture, layout: str) -> list[str]:
 def _camera(camera: Camera) -> list[str]:
     lines = ["", "[camera]", f'type = "{camera.name}"']
     if isinstance(camera, Pinhole):
-        return [*lines, *_rows("K", camera.matrix)]
+        return [*lines, *toml_rows("K", camera.matrix)]
     if isinstance(camera, Orthographic):
-        unit = _text(camera.length_unit, "unit of length")
-        return [*lines, f"pixel_size = {_number(camera.pixel_size)}", f"unit = {unit}"]
+        unit = toml_text(camera.length_unit, "unit of length")
+        return [*lines, f"pixel_size = {toml_number(camera.pixel_size)}", f"unit = {unit}"]
     raise UnsupportedError(
         given=f"The camera is {camera.name}.",
         needed="A capture.toml describes an orthographic or a pinhole camera.",
@@ -144,32 +144,3 @@ def _write_tiff(path: Path, frame: Array) -> None:
 
     gray = frame.shape[2] == 1
     tifffile.imwrite(path, frame[..., 0] if gray else frame, photometric="minisblack" if gray else "rgb", metadata=None)
-
-
-def _rows(key: str, values: FloatArray) -> list[str]:
-    """Return a list of numbers, or of rows of numbers, one a line."""
-    if values.shape[1] == 1:
-        rows = [f"    {_number(row[0])}," for row in values]
-    else:
-        rows = [f"    [{', '.join(_number(value) for value in row)}]," for row in values]
-    return [f"{key} = [", *rows, "]"]
-
-
-def _number(value: float) -> str:
-    """Return the shortest number that comes back to the last bit."""
-    return repr(float(value))
-
-
-def _text(value: str, what: str) -> str:
-    """Return a string of TOML, whose escapes are those of JSON for all but one control character."""
-    try:
-        value.encode("utf-8")
-    except UnicodeEncodeError:
-        value = ""
-    if not value.strip():
-        raise InputError(
-            given=f"The {what} is blank, or is no text of Unicode.",
-            needed="Some letters, which a text file can hold.",
-            remedy="Give it another one.",
-        )
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

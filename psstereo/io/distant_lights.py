@@ -14,7 +14,10 @@ from psstereo.io.reader import Choices
 from psstereo.lights import Rig, StrengthUnit
 from psstereo.stack import ImageStack
 
-__all__ = ["chosen_directions", "distant_rig"]
+__all__ = ["NOT_READ", "chosen_directions", "distant_rig"]
+
+NOT_READ = "The lights are taken for unknown: directions were not read."
+"""Note of a capture whose own lights are of no interest."""
 
 
 def distant_rig(
@@ -61,7 +64,7 @@ def distant_rig(
     if choices.unknown_lights:
         towards = np.tile([0.0, 0.0, 1.0], (len(stack), 1))
         rig = Rig.distant(towards, strengths, strength_unit=strength_unit, source="unknown")
-        return rig, ("The lights are taken for unknown: directions were not read.",)
+        return rig, (NOT_READ,)
     found = chosen_directions(choices, stack.names)
     where = source if choices.lights is None else choices.lights.name
     found = own() if found is None else found

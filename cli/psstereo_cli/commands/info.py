@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from psstereo_cli.options import Format, Json, Lights, LightsLayout, Mask
+from psstereo_cli.options import Format, Json, Lights, LightsLayout, Mask, RigOption
 
 if TYPE_CHECKING:
     from psstereo.capture import Capture, Truth
@@ -18,6 +18,7 @@ def info(
     layout: Format = None,
     lights: Lights = None,
     lights_layout: LightsLayout = None,
+    rig: RigOption = None,
     mask: Mask = None,
     formats: Annotated[bool, typer.Option("--formats", help="List the layouts that are known.")] = False,
     template: Annotated[bool, typer.Option("--template", help="Print a capture.toml to start from.")] = False,
@@ -42,7 +43,7 @@ def info(
         return
     if folder is None:
         raise typer.BadParameter("Name a folder, or use --formats or --template.", param_hint="FOLDER")
-    record = _describe(folder, layout, lights, lights_layout, mask)
+    record = _describe(folder, layout, lights, lights_layout, rig, mask)
     if as_json:
         print_json(record)
     else:
@@ -50,7 +51,12 @@ def info(
 
 
 def _describe(
-    folder: Path, layout: str | None, lights: Path | None, lights_layout: str | None, mask: str | None
+    folder: Path,
+    layout: str | None,
+    lights: Path | None,
+    lights_layout: str | None,
+    rig: Path | None,
+    mask: str | None,
 ) -> dict[str, Any]:
     from psstereo.io import recognise
     from psstereo.types import no_progress
@@ -58,7 +64,14 @@ def _describe(
     from psstereo_cli.record import finite
 
     capture, truth = load_capture(
-        folder, layout=layout, lights=lights, lights_layout=lights_layout, mask=mask, truth=True, progress=no_progress
+        folder,
+        layout=layout,
+        lights=lights,
+        lights_layout=lights_layout,
+        rig=rig,
+        mask=mask,
+        truth=True,
+        progress=no_progress,
     )
     fits = recognise(folder)
     record = {

@@ -14,6 +14,7 @@ from psstereo_cli.options import (
     PriorFile,
     PriorSigma,
     PriorUnit,
+    RigOption,
     Threads,
 )
 
@@ -40,6 +41,7 @@ def reconstruct(
         ),
     ] = None,
     lights_layout: LightsLayout = None,
+    rig: RigOption = None,
     ambiguity: Annotated[
         str | None,
         typer.Option(
@@ -154,6 +156,8 @@ def reconstruct(
 
     With lamps or exposures of unknown strength: `psstereo reconstruct photos -o result --strengths unknown`
 
+    With lights that were calibrated with another object: `psstereo reconstruct photos -o result --rig rig.toml`
+
     Without knowing where the lights were: `psstereo reconstruct photos -o result --lights unknown`
 
     Look at what will be done, change it, and run that: `psstereo plan photos -o plan.json`, then
@@ -196,6 +200,7 @@ def reconstruct(
             lights=lights_file,
             unknown_lights=lights == "unknown" and ambiguity != "strengths",
             lights_layout=lights_layout,
+            rig=rig,
             mask=mask,
             ambient=ambient,
             truth=False,
