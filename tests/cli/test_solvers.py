@@ -2,8 +2,10 @@
 
 import pytest
 
+from psstereo.depth import INTEGRATORS
 from psstereo.method_options import options_of
 from psstereo.normals import NORMAL_SOLVERS
+from psstereo.sfs import SHADING_METHODS
 
 
 def test_all_solvers_are_listed_with_what_they_need(run):
@@ -51,3 +53,23 @@ def test_an_unknown_solver_is_told_with_the_nearest(run):
     assert done.code == 3
     assert "robst" in done.record["error"]["given"]
     assert done.record["error"]["remedy"] == "Did you mean robust?"
+
+
+@pytest.mark.parametrize(("family", "members"), [("depth", INTEGRATORS), ("shading", SHADING_METHODS)])
+def test_other_families_are_listed_too(run, family, members):
+    done, record = run("solvers", "--for", family), run("solvers", "--for", family, "--json").record
+    assert list(record) == list(members)
+    for name, method in members.items():
+        assert f" {name} " in done.err
+        assert record[name]["summary"] == method.summary
+        assert [one["name"] for one in record[name]["options"]] == [one.name for one in options_of(method)]
+    name = next(iter(members))
+    told = run("solvers", name, "--for", family)
+    assert told.code == 0
+    assert f" {name} --option KEY=VALUE" in told.text
+
+
+def test_an_unknown_family_is_refused(run):
+    done = run("solvers", "--for", "depht")
+    assert done.code == 3
+    assert "Did you mean depth?" in done.text
