@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from psstereo_cli.commands.bench import bench
+from psstereo_cli.commands.convert import convert
 from psstereo_cli.commands.demo import demo
 from psstereo_cli.commands.evaluate import evaluate
 from psstereo_cli.commands.info import info
@@ -16,6 +17,7 @@ from psstereo_cli.commands.integrate import integrate
 from psstereo_cli.commands.match import match
 from psstereo_cli.commands.plan import plan
 from psstereo_cli.commands.reconstruct import reconstruct
+from psstereo_cli.commands.rig import rig
 from psstereo_cli.commands.sfs import sfs
 from psstereo_cli.commands.solvers import solvers
 from psstereo_cli.commands.synth import synth
@@ -42,6 +44,8 @@ app.command()(terrain)
 app.command()(evaluate)
 app.command()(info)
 app.command()(solvers)
+app.command()(rig)
+app.command()(convert)
 app.command()(match)
 app.command()(synth)
 app.command()(demo)

@@ -17,7 +17,7 @@ from psstereo_cli.record import finite
 
 COMMANDS = (
     "synth", "reconstruct", "plan", "integrate", "sfs", "terrain", "evaluate", "info", "match", "solvers", "demo",
-    "bench",
+    "bench", "rig", "convert",
 )  # fmt: skip
 
 _SLOW_WRITING = """
