@@ -7,7 +7,8 @@ import numpy as np
 from psstereo.camera import Camera, Orthographic
 from psstereo.errors import InputError
 from psstereo.lights import Rig
-from psstereo.stack import LINEAR, ImageStack, Response
+from psstereo.stack import LINEAR, FlatField, ImageStack, Response
+from psstereo.stack.linear import linear_frame
 from psstereo.types import BoolArray, FloatArray
 
 __all__ = ["Capture", "Truth"]
@@ -31,6 +32,8 @@ class Capture:
         Camera response to undo.
     dark : float array (h, w, c) or None
         What the camera shows without any of the lights, as linear pixel values.
+    flat : FlatField or None
+        Gains that undo vignetting and unequal pixels, applied after the dark level is taken off.
     radiance_at_white : float or None
         Radiance of a pixel at full scale; with a rig of irradiances it makes albedo absolute [W m⁻² sr⁻¹].
     name : str
@@ -50,6 +53,7 @@ class Capture:
     mask: BoolArray | None = None
     response: Response = LINEAR
     dark: FloatArray | None = None
+    flat: FlatField | None = None
     radiance_at_white: float | None = None
     name: str = "capture"
     notes: tuple[str, ...] = ()
@@ -76,6 +80,25 @@ class Capture:
                 needed="It must have the images' size and channels.",
                 remedy="Take it with the same camera settings, or leave it out.",
             )
+        if self.flat is not None:
+            self.flat.require(self.stack.shape)
+
+    def linear(self, index: int) -> FloatArray:
+        """Return one image as linear light: response undone, dark level taken off, flat field applied.
+
+        For whoever needs a whole image; solvers gather samples of all images at once.
+
+        Parameters
+        ----------
+        index : int
+            Which image, from 0.
+
+        Returns
+        -------
+        float32 array (h, w, c), float64 if the images are
+            Light in the images' own scale; saturated values are not marked.
+        """
+        return linear_frame(self.stack, index, response=self.response, dark=self.dark, flat=self.flat)
 
     @property
     def shape(self) -> tuple[int, int]:

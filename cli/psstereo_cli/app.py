@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from psstereo_cli.commands.bench import bench
+from psstereo_cli.commands.calibrate import calibrate
 from psstereo_cli.commands.convert import convert
 from psstereo_cli.commands.demo import demo
 from psstereo_cli.commands.evaluate import evaluate
@@ -44,6 +45,7 @@ app.command()(terrain)
 app.command()(evaluate)
 app.command()(info)
 app.command()(solvers)
+app.add_typer(calibrate, name="calibrate")
 app.command()(rig)
 app.command()(convert)
 app.command()(match)

@@ -8,6 +8,7 @@ from psstereo.types import Map, Progress
 
 if TYPE_CHECKING:
     from psstereo.io.rig_file import RigFile
+    from psstereo_cli.reading import ReadingOptions
 
 __all__ = ["load_capture"]
 
@@ -22,6 +23,7 @@ def load_capture(
     lights_layout: str | None,
     mask: str | None,
     ambient: Path | None = None,
+    reading: "ReadingOptions | None" = None,
     truth: bool,
     over: Map = map,
     progress: Progress,
@@ -40,6 +42,8 @@ def load_capture(
         Whether the lights are to be found from the images, so that the folder may be without any.
     ambient : Path, optional
         Frame without any of the lights, to subtract.
+    reading : ReadingOptions, optional
+        What is to be undone or changed in the photographs besides.
     truth : bool
         Whether to read the truth too.
     over : map-like
@@ -79,6 +83,10 @@ def load_capture(
         from psstereo.io.ambient_frame import with_ambient
 
         capture = with_ambient(capture, ambient)
+    if reading is not None:
+        from psstereo_cli.reading import read_otherwise
+
+        capture = read_otherwise(capture, reading, over=over, progress=progress)
     if mask == "auto":
         from psstereo.masking import mask_from_brightness
 

@@ -6,8 +6,12 @@ from typing import Annotated
 import typer
 
 __all__ = [
+    "Binning",
+    "Crop",
+    "FlatFrame",
     "Format",
     "Json",
+    "LensFile",
     "Lights",
     "LightsLayout",
     "Mask",
@@ -15,6 +19,8 @@ __all__ = [
     "PriorFile",
     "PriorSigma",
     "PriorUnit",
+    "Register",
+    "ResponseCurve",
     "RigOption",
     "Threads",
 ]
@@ -70,6 +76,25 @@ RigOption = Annotated[
         "--rig",
         help="Rig file of `psstereo calibrate`: lights, and what is known of the camera, instead of the folder's own.",
     ),
+]
+ResponseCurve = Annotated[
+    str | None,
+    typer.Option("--response", help="Curve of the camera to undo: srgb, or the exponent of a gamma curve such as 2.2."),
+]
+FlatFrame = Annotated[
+    Path | None,
+    typer.Option("--flat", help="Photograph of an evenly lit white card, or what psstereo calibrate flat wrote."),
+]
+LensFile = Annotated[
+    Path | None, typer.Option("--lens", help="Camera and lens of psstereo calibrate lens, whose distortion is undone.")
+]
+Crop = Annotated[str | None, typer.Option("--crop", help="X,Y,WIDTH,HEIGHT: part of the photographs to take [px].")]
+Register = Annotated[
+    str | None,
+    typer.Option("--register", help="Undo motion between the frames before anything else: shift, or affine."),
+]
+Binning = Annotated[
+    int, typer.Option("--bin", min=1, help="Pixels along a side of the squares that become one, in linear light.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print a record for machines on stdout.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result.")]

@@ -1,5 +1,6 @@
-"""A folder with what a suite found: ``bench.json`` and the plots, whole or not at all."""
+"""A folder with what a suite found: ``bench.json``, the plots and a page with all of it, whole or not at all."""
 
+import io
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from psstereo.bench.environment import machine, peak_memory, versions
+from psstereo.bench.page import bench_page
 from psstereo.bench.run import Summary
 from psstereo.bench.sweep import Sweep, fit_slope
 from psstereo.errors import ExistingResultError, InputError
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BENCH",
+    "PAGE",
     "SCHEMA",
     "bench_content",
     "fitted",
@@ -28,6 +31,7 @@ __all__ = [
 ]
 
 BENCH = "bench.json"
+PAGE = "report.html"
 SCHEMA = 1
 """Number of the present form of ``bench.json``."""
 
@@ -245,9 +249,14 @@ def require_bench_place(folder: Path, *, overwrite: bool) -> frozenset[str]:
 
 
 def write_bench(
-    folder: Path, content: Mapping[str, Any], figures: "Mapping[str, Figure]", *, overwrite: bool = False
+    folder: Path,
+    content: Mapping[str, Any],
+    figures: "Mapping[str, Figure]",
+    *,
+    command: str | None = None,
+    overwrite: bool = False,
 ) -> list[str]:
-    """Write ``bench.json`` and the figures as SVG and PNG; the folder appears whole or not at all.
+    """Write ``bench.json``, the figures as SVG and PNG, and the page; the folder appears whole or not at all.
 
     Parameters
     ----------
@@ -257,6 +266,8 @@ def write_bench(
         Of :func:`bench_content`.
     figures : mapping
         Figures by name of file, without ending.
+    command : str, optional
+        By which anyone measures it again, for the page.
     overwrite : bool
         Whether the plots of an earlier run may be replaced.
 
@@ -273,19 +284,26 @@ def write_bench(
         If the folder cannot be made.
     """
     earlier = require_bench_place(folder, overwrite=overwrite)
-    files = [BENCH, *(f"{name}.{ending}" for name in figures for ending in _ENDINGS)]
+    files = [BENCH, PAGE, *(f"{name}.{ending}" for name in figures for ending in _ENDINGS)]
     with new_folder(folder, overwrite=overwrite, names=earlier) as work:
         text = json.dumps({**content, "files": files}, ensure_ascii=False, indent=1, allow_nan=False)
         (work / BENCH).write_text(text + "\n", encoding="utf-8")
-        for name, figure in figures.items():
-            _save(figure, work / name)
+        plots = {name: _save(figure, work / name) for name, figure in figures.items()}
+        (work / PAGE).write_text(bench_page(content, plots, command=command), encoding="utf-8")
     return files
 
 
-def _save(figure: "Figure", stem: Path) -> None:
-    """Save a figure so that the same measurements give the same bytes: no date, and names from a fixed seed."""
+def _save(figure: "Figure", stem: Path) -> str:
+    """Save a figure so that the same measurements give the same bytes: no date, and names from a fixed seed.
+
+    Return it as SVG for a page: with letters as letters, which take less room than outlines.
+    """
     import matplotlib as mpl
 
     with mpl.rc_context({"svg.hashsalt": "psstereo", "svg.fonttype": "path"}):
         figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
         figure.savefig(stem.with_suffix(".png"), dpi=150)
+    text = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": "psstereo", "svg.fonttype": "none"}):
+        figure.savefig(text, format="svg", metadata={"Date": None})
+    return text.getvalue()

@@ -1,6 +1,6 @@
 """Plots of measurements: error against time, error against what varies, and time against size.
 
-Colours are those of Okabe and Ito, which people with defective colour vision tell apart; markers differ as well.
+Colours are mostly those of Okabe and Ito, which people with defective colour vision tell apart; markers differ as well.
 """
 
 import math
@@ -18,7 +18,19 @@ if TYPE_CHECKING:
 
 __all__ = ["draw"]
 
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31", "#7F7F7F")
+_COLOURS = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "#000000",
+    "#8C6D31",
+    "#7F7F7F",
+    "#882255",
+    "#332288",
+)
 _MARKERS = "osD^vP*X<>hp"
 _PANELS = 9
 """Panels on one page."""

@@ -9,7 +9,7 @@ from psstereo.camera.pinhole import Pinhole
 from psstereo.errors import InputError
 from psstereo.types import FloatArray
 
-__all__ = ["Lens"]
+__all__ = ["Lens", "Undistortion"]
 
 _COUNTS = (4, 5, 8, 12, 14)
 
@@ -71,15 +71,31 @@ class Lens:
         ideal = _homogeneous(points) @ np.linalg.inv(camera.matrix).T
         zero = np.zeros(3)
         seen, _ = cv2.projectPoints(ideal[:, None, :], zero, zero, camera.matrix, np.array(self.coefficients))
-        return np.asarray(seen, np.float64).reshape(-1, 2) + _skewed(seen, camera)
+        found = np.asarray(seen, np.float64).reshape(-1, 2)
+        found[:, 0] += camera.skew * (found[:, 1] - camera.cy) / camera.fy  # OpenCV's projection leaves the skew out
+        return found
 
-    def map(self, camera: Pinhole, shape: tuple[int, int], affine: FloatArray | None = None) -> FloatArray:
+
+@dataclass(frozen=True, kw_only=True)
+class Undistortion:
+    """A lens and the camera that it belongs to: where an image without the lens is found in the photograph.
+
+    Attributes
+    ----------
+    lens : Lens
+        What is undone.
+    camera : Pinhole
+        The camera; the image without the lens has the same matrix.
+    """
+
+    lens: Lens
+    camera: Pinhole
+
+    def lookup(self, shape: tuple[int, int], affine: FloatArray | None = None) -> FloatArray:
         """Return where in the photograph each pixel of the undistorted image comes from.
 
         Parameters
         ----------
-        camera : Pinhole
-            The camera; the undistorted image has the same matrix.
         shape : (int, int)
             Rows and columns.
         affine : float array (2, 3), optional
@@ -94,15 +110,9 @@ class Lens:
         points = np.stack([columns.ravel(), rows.ravel()], axis=1)
         if affine is not None:
             points = _homogeneous(points) @ np.asarray(affine, np.float64).T
-        return np.ascontiguousarray(self.distorted(points, camera).T.reshape(2, *shape), np.float32)
+        return np.ascontiguousarray(self.lens.distorted(points, self.camera).T.reshape(2, *shape), np.float32)
 
 
 def _homogeneous(points: npt.ArrayLike) -> FloatArray:
     given = np.asarray(points, np.float64)
     return np.hstack([given, np.ones((len(given), 1))])
-
-
-def _skewed(seen: FloatArray, camera: Pinhole) -> FloatArray:
-    """Return what skew adds to the columns, which OpenCV's projection leaves out."""
-    down = (np.asarray(seen, np.float64).reshape(-1, 2)[:, 1] - camera.cy) / camera.fy
-    return np.stack([camera.skew * down, np.zeros(len(down))], axis=1)

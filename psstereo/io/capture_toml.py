@@ -5,11 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-from psstereo.camera import Camera, Orthographic, Pinhole
+from psstereo.camera import Camera, Lens, Orthographic, Pinhole
 from psstereo.capture import Capture, Truth
 from psstereo.errors import InputError, MissingFileError, OptionError, UnreadableFileError
 from psstereo.io.ambient_frame import checked_dark
 from psstereo.io.conventions import CONVENTIONS
+from psstereo.io.flat_file import read_flat
 from psstereo.io.image_names import match_files
 from psstereo.io.parts import (
     find_mask,
@@ -22,9 +23,11 @@ from psstereo.io.parts import (
     read_true_visibility,
 )
 from psstereo.io.reader import Choices, Reader
+from psstereo.io.reading_options import with_lens
+from psstereo.io.response_section import read_response
 from psstereo.io.toml_lights import read_lights
 from psstereo.io.toml_section import Section
-from psstereo.stack import LINEAR, FileStack, ImageStack, Response
+from psstereo.stack import LINEAR, BracketStack, FileStack, FlatField, ImageStack, Response
 from psstereo.stack.decode import IMAGE_SUFFIXES, read_bytes
 from psstereo.stack.unmixed import Mixing, UnmixedStack
 from psstereo.types import FloatArray
@@ -38,10 +41,13 @@ name = "my object"
 [images]
 pattern = "img_*.png"               # in natural order: img_2 before img_10
 # files = ["a.png", "b.png"]        # or one by one, in the order of the lights
-# response = "linear"               # or "srgb", or the exponent of a gamma curve such as 2.2
+# response = "linear"               # or "srgb", the exponent of a gamma curve such as 2.2, or a curve of your own:
+#                                   # [[0, 0], [0.5, 0.2], [1, 1]], values and the light that they stand for
 # white_level = 4095                # value of full scale, if it is not that of the file's type
 # dark = "dark.png"                 # image without any of the lights; it is subtracted
 # dark_linear = "dark.npy"          # or the same as floats with the response already undone
+# flat = "flat.png"                 # evenly lit white card; a list gives each light its own
+# exposures = [0.01, 0.04]          # seconds, if each light has several photographs, listed one after the other
 # mixing = [[0.8, 0.1, 0.0], [0.1, 0.7, 0.1], [0.0, 0.1, 0.9]]   # one photograph under three coloured lights at once:
 #                                   # column j is R, G, B of a white surface under light j alone (or a file)
 # radiance_at_white = 12.5          # radiance of a pixel at full scale [W m-2 sr-1], for absolute albedo
@@ -74,6 +80,7 @@ directions = [
 # unit = "mm"
 # type = "pinhole"
 # K = [[3000.0, 0.0, 640.0], [0.0, 3000.0, 480.0], [0.0, 0.0, 1.0]]   # or a file such as "K.txt"
+# lens = [-0.2, 0.05, 0, 0, 0]      # k1, k2, p1, p2, k3 as OpenCV has them: the distortion is undone (pinhole only)
 # position = [0, 0, 500]            # of the camera, in the frame of the lamps' positions
 
 # [truth]
@@ -87,10 +94,13 @@ directions = [
 
 _KEYS = {
     "": ("name", "images", "lights", "mask", "camera", "truth"),
-    "images": ("files", "pattern", "white_level", "response", "dark", "dark_linear", "mixing", "radiance_at_white"),
+    "images": (
+        *("files", "pattern", "white_level", "response", "dark", "dark_linear", "flat", "exposures", "mixing"),
+        "radiance_at_white",
+    ),
     "lights": ("directions", "angles", "positions", "axes", "mu", "flux", "layout", "frame", "strengths", "unit"),
     "mask": ("file",),
-    "camera": ("type", "K", "pixel_size", "unit", "position"),
+    "camera": ("type", "K", "lens", "pixel_size", "unit", "position"),
     "truth": ("normals", "convention", "depth", "albedo", "visibility"),
 }
 
@@ -114,8 +124,9 @@ class CaptureToml(Reader):
         files, response, image_notes = _images(top)
         images, camera = top.section("images"), top.section("camera")
         dark = _dark(images, files, response)
-        stack, mixing_notes = _unmixed(images, files, response, dark)
-        if isinstance(stack, UnmixedStack):
+        flat = _flat(images, files, response, dark)
+        stack, stack_notes = _merged(images, files, response, dark, flat)
+        if stack is not files:
             response, dark = LINEAR, None  # it has undone them
         shape = (stack.shape[1], stack.shape[2])
         rig, light_notes = read_lights(top.section("lights"), camera, stack, choices)
@@ -126,10 +137,14 @@ class CaptureToml(Reader):
             mask=find_mask(file.parent, shape, _with_mask(choices, top.section("mask").path("file")), ""),
             response=response,
             dark=dark,
+            flat=flat,
             radiance_at_white=images.number("radiance_at_white"),
             name=top.text("name") or file.resolve().parent.name,
-            notes=(*image_notes, *mixing_notes, *light_notes),
+            notes=(*image_notes, *stack_notes, *light_notes),
         )
+        lens = camera.matrix("lens", 1)
+        if lens is not None:
+            capture = with_lens(capture, Lens(tuple(float(number) for number in lens[:, 0])))
         section = top.section("truth")
         return capture, _truth(section, len(stack), shape) if choices.truth else None
 
@@ -170,14 +185,15 @@ def _images(top: Section) -> tuple[FileStack, Response, tuple[str, ...]]:
     else:
         raise section.wrong("files", "a list of file names in quotation marks")
     stack = FileStack(paths, white=section.number("white_level"))
-    return stack, _response(section), notes
+    return stack, read_response(section), notes
 
 
 def _by_pattern(top: Section, pattern: str) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     folder = top.file.parent
     truths = (("truth", "normals"), ("truth", "depth"), ("truth", "albedo"))
     used = (("mask", "file"), ("images", "dark"), ("images", "dark_linear"), *truths)
-    others = {p.resolve() for name, key in used if (p := top.section(name).path(key)) is not None}
+    flats = {path.resolve() for path in _flat_paths(top.section("images"))}
+    others = flats | {p.resolve() for name, key in used if (p := top.section(name).path(key)) is not None}
     try:
         fits = [p for p in folder.glob(pattern) if p.is_file() and p.suffix.lower() in IMAGE_SUFFIXES]
     except (NotImplementedError, ValueError) as error:
@@ -194,20 +210,11 @@ def _by_pattern(top: Section, pattern: str) -> tuple[tuple[Path, ...], tuple[str
     return tuple(paths), (note,) if left else ()
 
 
-def _response(section: Section) -> Response:
-    value = section.values.get("response", "linear")
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return Response("gamma", float(value)) if value != 1 else LINEAR
-    if value not in ("linear", "srgb"):
-        raise section.wrong("response", '"linear", "srgb" or the exponent of a gamma curve such as 2.2')
-    return Response(str(value))
-
-
 def _camera(section: Section) -> Camera:
     kind = section.choice("type", ("orthographic", "pinhole"))
     matrix = section.matrix("K", 3)
     pinhole = kind == "pinhole" or (kind is None and matrix is not None)
-    surplus = [key for key in (("pixel_size", "unit") if pinhole else ("K",)) if key in section.values]
+    surplus = [key for key in (("pixel_size", "unit") if pinhole else ("K", "lens")) if key in section.values]
     if surplus or (pinhole and matrix is None):
         raise OptionError(
             given=f"The {'pinhole' if pinhole else 'orthographic'} camera in {section.file.name} has "
@@ -241,6 +248,54 @@ def _dark(section: Section, stack: FileStack, response: Response) -> FloatArray 
     if linear is not None:
         return checked_dark(read_linear_dark(linear, stack), linear)
     return None if image is None else read_dark(image, stack, response)
+
+
+def _flat_paths(section: Section) -> tuple[Path, ...]:
+    """Return the flat frames that are named, one or one a light."""
+    value = section.values.get("flat")
+    if value is None:
+        return ()
+    names = value if isinstance(value, list) else [value]
+    if not names or not all(isinstance(name, str) and name for name in names):
+        raise section.wrong("flat", "the name of an image of a white card, or a list of as many as there are lights")
+    return tuple(section.file.parent / name for name in names)
+
+
+def _flat(section: Section, files: FileStack, response: Response, dark: FloatArray | None) -> FlatField | None:
+    paths = _flat_paths(section)
+    times = section.matrix("exposures", 1)
+    first = files if times is None else FileStack(files.paths[:: len(times)], white=section.number("white_level"))
+    return read_flat(paths, first, response=response, dark=dark) if paths else None
+
+
+def _merged(
+    section: Section, files: FileStack, response: Response, dark: FloatArray | None, flat: FlatField | None
+) -> tuple[ImageStack, tuple[str, ...]]:
+    """Return one image a light where there are several exposures, or several lights at once; and what that assumes."""
+    matrix, times = section.matrix("mixing"), section.matrix("exposures", 1)
+    if matrix is None and times is None:
+        return files, ()
+    clash = ("mixing" if matrix is not None else "", "dark" if dark is not None else "", "flat" if flat else "")
+    if times is None and not flat:
+        return _unmixed(section, files, response, dark)
+    if times is None or matrix is not None or dark is not None:
+        raise OptionError(
+            given=f"[images] in {section.file.name} has {'exposures' if times is not None else ''} "
+            f"{' '.join(filter(None, clash))}.",
+            needed="Exposures without mixing and dark image, mixing without flat field.",
+            remedy="Merge or correct the photographs beforehand, or leave one of them out.",
+        )
+    count = len(times)
+    if len(files.paths) % count:
+        raise InputError(
+            given=f"There are {len(files.paths)} photographs and {count} exposure times.",
+            needed="All exposures of the first light, then all of the second, and so on.",
+            remedy="Check for missing or extra photographs.",
+        )
+    white = section.number("white_level")
+    sources = tuple(FileStack(files.paths[one::count], white=white) for one in range(count))
+    note = f"{count} exposures of each light are merged by their noise; values are light, clipped ones left out."
+    return BracketStack(sources, times[:, 0], response=response), (note,)
 
 
 def _unmixed(

@@ -11,6 +11,7 @@ from psstereo.capture import Capture, Truth
 from psstereo.errors import InputError, UnsupportedError
 from psstereo.io.layout_writer import LayoutWriter, Save, mask_file, text_file
 from psstereo.io.pictures import write_png
+from psstereo.io.response_section import response_line
 from psstereo.io.toml_text import toml_number, toml_rows, toml_text
 from psstereo.io.write_checks import LampTable, known_lights, require_channels
 from psstereo.lights import StrengthUnit
@@ -67,6 +68,7 @@ class CaptureWriter(LayoutWriter):
             files["mask.png"] = mask_file(capture.mask)
         if capture.dark is not None:
             files["dark.npy"] = _array_file(capture.dark)
+        files.update(_flats(capture))
         truths = _truth(truth)
         if truths:
             lines += ["", "[truth]", *(f'{Path(name).stem} = "{name}"' for name in truths)]
@@ -81,12 +83,13 @@ class CaptureWriter(LayoutWriter):
         whole = stack.dtype.kind == "u"
         if stack.white != full_scale(stack.dtype) or stack.saturates != whole:
             lines.append(f"white_level = {toml_number(stack.white)}")
-        if capture.response.name == "gamma":
-            lines.append(f"response = {toml_number(capture.response.exponent)}")
-        elif not capture.response.is_linear:
-            lines.append(f"response = {toml_text(capture.response.name, 'camera response')}")
+        lines += response_line(capture.response)
         if capture.dark is not None:
             lines.append('dark_linear = "dark.npy"')
+        flats = list(_flats(capture))
+        if flats:
+            named = ", ".join(f'"{name}"' for name in flats)
+            lines.append(f"flat = {named}" if len(flats) == 1 else f"flat = [{named}]")
         if capture.radiance_at_white is not None:
             lines.append(f"radiance_at_white = {toml_number(capture.radiance_at_white)}")
         return lines
@@ -122,6 +125,15 @@ def _camera(camera: Camera) -> list[str]:
         needed="A capture.toml describes an orthographic or a pinhole camera.",
         remedy="Use one of the two.",
     )
+
+
+def _flats(capture: Capture) -> dict[str, Save]:
+    """Return the flat fields as the light of an even surface, one for all images or one each."""
+    if capture.flat is None:
+        return {}
+    gains = capture.flat.gain if capture.flat.per_light else capture.flat.gain[None]
+    name = "flat/{:04d}.npy" if capture.flat.per_light else "flat.npy"
+    return {name.format(i + 1): _array_file(np.nan_to_num(1.0 / gain)) for i, gain in enumerate(gains)}
 
 
 def _truth(truth: Truth | None) -> dict[str, Save]:

@@ -7,18 +7,18 @@ from psstereo.capture import Capture, Truth
 from psstereo.errors import InputError, MissingFileError
 from psstereo.io.distant_lights import distant_rig
 from psstereo.io.light_file import read_directions
-from psstereo.io.parts import find_camera, find_dark, find_mask, images_in
+from psstereo.io.parts import find_camera, find_dark, find_flat, find_mask, images_in
 from psstereo.io.reader import Choices, Reader
 from psstereo.stack import FileStack
 
 __all__ = ["ImageFolder"]
 
 _LIGHTS = ("lights.txt", "lights.npy", "light_directions.npy", "light_directions.csv", "light_directions.mat")
-_OTHER = ("mask", "normal", "albedo", "depth", "dark", "ambient")
+_OTHER = ("mask", "normal", "albedo", "depth", "dark", "ambient", "flat")
 
 
 class ImageFolder(Reader):
-    """Photographs in natural order, ``lights.txt`` or its kin, and perhaps ``mask.png``, ``dark.png``, ``K.txt``.
+    """Photographs in natural order, ``lights.txt`` or its kin; perhaps mask.png, dark.png, flat.png and K.txt.
 
     Directions are x right, y up, z toward the camera; all lights count as equally strong. Say more in a capture.toml.
     """
@@ -52,6 +52,7 @@ class ImageFolder(Reader):
             stack, choices, lambda: read_directions(own, len(stack), layout=choices.lights_layout), own.name
         )
         dark, dark_notes = find_dark(path, stack)
+        flat, flat_notes = find_flat(path, stack, dark)
         camera, camera_notes = find_camera(path)
         capture = Capture(
             stack=stack,
@@ -59,12 +60,14 @@ class ImageFolder(Reader):
             camera=camera,
             mask=find_mask(path, (stack.shape[1], stack.shape[2]), choices),
             dark=dark,
+            flat=flat,
             name=path.resolve().name,
             notes=(
                 f"The images were taken in the order of their names, {files[0].name} to {files[-1].name}.",
                 *notes,
                 *camera_notes,
                 *dark_notes,
+                *flat_notes,
             ),
         )
         return capture, None

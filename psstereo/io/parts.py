@@ -9,11 +9,12 @@ import numpy as np
 
 from psstereo.camera import Camera, Orthographic, Pinhole
 from psstereo.errors import InputError, MissingFileError, PsstereoError, UnreadableFileError
+from psstereo.io.flat_file import read_flat
 from psstereo.io.mask_file import read_mask
 from psstereo.io.normal_map import read_normal_map
 from psstereo.io.reader import Choices
 from psstereo.io.text import read_table
-from psstereo.stack import LINEAR, FileStack, ImageStack, Response
+from psstereo.stack import LINEAR, FileStack, FlatField, ImageStack, Response
 from psstereo.stack.decode import IMAGE_SUFFIXES, decode_image, read_bytes
 from psstereo.types import BoolArray, FloatArray
 
@@ -22,6 +23,7 @@ __all__ = [
     "find_camera",
     "find_dark",
     "find_depth",
+    "find_flat",
     "find_mask",
     "first_by_name",
     "images_in",
@@ -266,6 +268,21 @@ def find_dark(folder: Path, stack: FileStack) -> tuple[FloatArray | None, tuple[
             remedy="Move the others away.",
         )
     return read_dark(found[0], stack), (f"{found[0].name} is subtracted.",)
+
+
+def find_flat(folder: Path, stack: FileStack, dark: FloatArray | None) -> tuple[FlatField | None, tuple[str, ...]]:
+    """Return the flat field of ``flat.*`` in a folder, if it is there and none of the images, and a note."""
+    found = [p for p in folder.iterdir() if p.stem.lower() == "flat" and p.suffix.lower() in IMAGE_SUFFIXES]
+    found = natural_order(p for p in found if p.name not in stack.names)
+    if not found:
+        return None, ()
+    if len(found) > 1:
+        raise InputError(
+            given=f"{folder} has several flat frames: {', '.join(p.name for p in found)}.",
+            needed="One image of an evenly lit white surface.",
+            remedy="Move the others away; for one a light write a capture.toml.",
+        )
+    return read_flat(tuple(found), stack, dark=dark), (f"Pixels are made even by {found[0].name}.",)
 
 
 def channel_values(values: FloatArray, channels: int, what: str) -> tuple[FloatArray, tuple[str, ...]]:

@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from psstereo.camera import Pinhole
 from psstereo.capture import Capture
 from psstereo.errors import InputError
 from psstereo.io.ambient_frame import with_ambient
 from psstereo.io.distant_lights import NOT_READ
 from psstereo.io.image_names import base_name, name_key
 from psstereo.io.parts import channel_values
+from psstereo.io.reading_options import with_flat, with_lens, with_response
 from psstereo.io.rig_file import RigFile
 from psstereo.lights import Led, Rig
 from psstereo.types import IntArray
@@ -54,11 +56,22 @@ def with_rig(capture: Capture, found: RigFile, source: str) -> Capture:
     if found.camera is not None:
         changed = replace(changed, camera=found.camera)
         said.append(f"The camera is that of {source}: {found.camera.name}.")
-    if not found.response.is_linear:
-        changed = replace(changed, response=found.response)
-        said.append(f"The camera's response is that of {source}.")
     changed = replace(changed, notes=(*(note for note in capture.notes if note != NOT_READ), *said, *notes))
-    return changed if found.dark is None else with_ambient(changed, found.dark)
+    return _seen_through(changed, found)
+
+
+def _seen_through(capture: Capture, found: RigFile) -> Capture:
+    """Undo what the camera does, in the order in which frames are told apart from light."""
+    if not found.response.is_linear:
+        capture = with_response(capture, found.response)
+    if found.dark is not None:
+        capture = with_ambient(capture, found.dark)
+    if found.flat is not None:
+        capture = with_flat(capture, (found.flat,))
+    if found.lens is not None:
+        camera = found.camera if isinstance(found.camera, Pinhole) else None
+        capture = with_lens(capture, found.lens, camera)
+    return capture
 
 
 def _order(found: RigFile, names: tuple[str, ...], source: str) -> tuple[IntArray, str]:

@@ -153,6 +153,12 @@ def require_integers(capture: Capture, layout: str) -> None:
             needed=f"The layout {layout} has no place to say so; its images are taken to be linear.",
             remedy="Linearise the images, or choose the layout capture.",
         )
+    if capture.flat is not None:
+        raise UnsupportedError(
+            given="The capture has a flat field to divide by.",
+            needed=f"The layout {layout} has no place for one.",
+            remedy="Divide the images by it first, or choose the layout capture.",
+        )
     if not 1 <= stack.white <= full_scale(stack.dtype):
         raise InputError(
             given=f"The value of full scale is {stack.white}; the images are of type {stack.dtype}.",

@@ -104,9 +104,7 @@ class ViewImages:
         made, full = [], []
         for index in chosen:
             frame = capture.stack.frame(index)
-            linear = frame if capture.response.is_linear else capture.response.linearise(frame, white)
-            if capture.dark is not None:
-                linear = np.subtract(linear, capture.dark, dtype=np.result_type(linear, capture.dark, np.float32))
+            linear = capture.linear(index)
             kind = np.float64 if linear.dtype == np.float64 else np.float32
             made.append(np.divide(linear, white, dtype=kind).transpose(2, 0, 1))
             full.append(frame >= white if capture.stack.saturates else np.zeros(frame.shape, np.bool_))

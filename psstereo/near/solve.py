@@ -108,7 +108,8 @@ def solve_near(
     pixels = PixelSet.from_mask(capture.effective_mask)
     channels = gray_weights(chosen.gray, capture.stack.shape[3])
     conversion = _conversion(capture, channels.matrix, chosen)
-    undoing = (0 if capture.response.is_linear else 8) + (0 if capture.dark is None else 8)
+    frames = (capture.dark is not None) + (capture.flat is not None)
+    undoing = (0 if capture.response.is_linear else 8) + 8 * frames
     plan = plan_memory(capture.stack, pixels, len(channels.matrix), chosen.max_memory, chosen.workers, undoing=undoing)
     alternation = Alternation(
         lamps=lamps,
@@ -170,7 +171,7 @@ def _conversion(capture: Capture, matrix: FloatArray, options: NearOptions) -> C
         valid = (-np.inf, _NEARLY_WHITE * stack.white)
     # Fluxes of millions would make samples that float32 holds, but whose squares it does not: one common factor less.
     factors = matrix[None] * (flux.mean() / flux[:, None]) / stack.white
-    return Conversion(factors=factors, response=capture.response, dark=capture.dark, valid=valid)
+    return Conversion(factors=factors, response=capture.response, dark=capture.dark, flat=capture.flat, valid=valid)
 
 
 def _require_light(largest: FloatArray, names: tuple[str, ...]) -> None:

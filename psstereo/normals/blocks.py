@@ -9,6 +9,7 @@ from psstereo.errors import UnsupportedError
 from psstereo.normals.channels import combine_channels, combine_covariances, combine_verdicts
 from psstereo.normals.memory import BLOCK, MemoryPlan
 from psstereo.normals.observations import may_take_part
+from psstereo.normals.rounding import Rounding, raise_bars
 from psstereo.normals.solver import NormalSolver, PixelNormals, Samples
 from psstereo.normals.verdict import OUTSIDE, VerdictArray
 from psstereo.stack import PixelSet, Projection, SampleStore
@@ -78,6 +79,9 @@ class BlockJob:
         Observations that may take part, or a stack of verdicts.
     verdicts, covariance : bool
         What else is asked for.
+    rounding : Rounding or None
+        What a step of the images is in the samples, for the least that error bars may be; None for images that are not
+        integers.
     """
 
     solver: NormalSolver[Any]
@@ -90,6 +94,7 @@ class BlockJob:
     mask: BoolArray | VerdictArray | None = None
     verdicts: bool = False
     covariance: bool = False
+    rounding: Rounding | None = None
 
     def solve_group(self, blocks: list[tuple[int, FloatArray]]) -> list[Answer]:
         """Solve some blocks one after the other."""
@@ -109,6 +114,9 @@ class BlockJob:
             for k in range(self.channels)
         ]
         self._require_what_was_asked(parts[0])
+        if self.rounding is not None:
+            for k, part in enumerate(parts):
+                raise_bars(self.rounding, part, values[k], weights, channel=k, start=start)
         return _one(parts[0], self.covariance) if self.channels == 1 else _several(parts, self.covariance)
 
     def _require_what_was_asked(self, part: PixelNormals) -> None:

@@ -19,6 +19,7 @@ from psstereo.normals.blocks import Answer, BlockJob, solve_blocks
 from psstereo.normals.default import default_solver
 from psstereo.normals.gathered import Gathered, Reading, gathered
 from psstereo.normals.moments import widening
+from psstereo.normals.rounding import rounding_of
 from psstereo.normals.solver import NormalSolver
 from psstereo.normals.verdict import VerdictArray
 from psstereo.results import AlbedoKind, NormalsResult, Outcome
@@ -85,7 +86,7 @@ def estimate_normals(
     -------
     NormalsResult
         Normals, albedo, uncertainty and flags, and what else was asked for; float64 for float64 images, float32
-        otherwise.
+        otherwise. Where images are integers the uncertainty is never less than what rounding to them does.
 
     Raises
     ------
@@ -173,6 +174,7 @@ def solve_gathered(
         mask=samples.mask,
         verdicts=verdicts,
         covariance=covariance,
+        rounding=rounding_of(capture, channels, pixels.indices),
     )
     answer = solve_blocks(job, samples.store, samples.plan, over, progress)
     del job  # and the working arrays with it

@@ -134,7 +134,8 @@ def gathered(
     conversion = _conversion(capture, channels.weights.matrix, how)
     mask = checked_mask(how.observation_mask, capture.stack.shape[:3])
     left_out = None if mask is None else count_left_out(mask, pixels.indices)
-    undoing = (0 if capture.response.is_linear else 8) + (0 if capture.dark is None else 8)
+    frames = (capture.dark is not None) + (capture.flat is not None)
+    undoing = (0 if capture.response.is_linear else 8) + 8 * frames
     plan = plan_memory(
         capture.stack,
         pixels,
@@ -185,6 +186,7 @@ def _conversion(capture: Capture, matrix: FloatArray, how: Reading) -> Conversio
         factors=matrix[None] / (strengths[:, None] * stack.white),
         response=capture.response,
         dark=capture.dark,
+        flat=capture.flat,
         valid=valid,
         clip=how.clip,
     )

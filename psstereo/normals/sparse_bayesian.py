@@ -12,7 +12,7 @@ import numpy as np
 from psstereo.errors import OptionError
 from psstereo.flags import Flag, fatal_mask
 from psstereo.kernels.dispatch import kernel
-from psstereo.kernels.sparse_bayesian import BARE, DARK, FAILED, IGNORED, UNSETTLED
+from psstereo.kernels.sparse_bayesian import BARE, DARK, ENOUGH, FAILED, IGNORED, UNSETTLED
 from psstereo.lights import Rig
 from psstereo.normals.least_squares import LeastSquares
 from psstereo.normals.moments import RigFactor, angular_covariance, cholesky
@@ -136,19 +136,24 @@ class SparseBayesian(NormalSolver[SparseBayesianState]):
             covariance=covariance if samples.covariance else None,
             verdicts=_verdicts(shares) if samples.verdicts else None,
         )
-        if self.gate.shadow:  # shadows that are no rare errors any more are the least-squares gate's to judge
-            again = np.flatnonzero(_against(values, x @ rig.q.T, albedo) & ~fatal_mask(flags))
+        if self.gate.shadow:
+            # Shadows that are no rare errors any more are the least-squares gate's to judge, and so are those among so
+            # few observations that none can be told to err: the model may call a shadow lit, and then it stays in.
+            unsure = _against(values, x @ rig.q.T, albedo, shares) | (counts[:, 3] < ENOUGH)
+            again = np.flatnonzero(unsure & ~fatal_mask(flags))
             if len(again):
                 fill(found, again, LeastSquares(gate=self.gate).solve(rig, some(samples, again)))
         return found
 
 
-def _against(values: FloatArray, predicted: FloatArray, albedo: FloatArray) -> BoolArray:
+def _against(values: FloatArray, predicted: FloatArray, albedo: FloatArray, shares: FloatArray) -> BoolArray:
     """Return where too many observations are dark though the model (p, m) calls them lit, or the reverse, (p,)."""
     with np.errstate(invalid="ignore"):
         front = (predicted > DARK * albedo[:, None]) & np.isfinite(values)
         bright = values > DARK * np.fmax.reduce(values, axis=1)[:, None]
-    return np.asarray(3 * (front ^ bright).sum(axis=1) >= np.maximum((front | bright).sum(axis=1), 1))
+        fitted = np.abs(shares) < 1.5  # the choice was held while the fit still moved, so it may be another one
+    against = (front ^ bright) | (fitted ^ bright)
+    return np.asarray(3 * against.sum(axis=1) >= np.maximum((front | bright | fitted).sum(axis=1), 1))
 
 
 def _flags(values: FloatArray, counts: IntArray) -> FlagArray:

@@ -97,6 +97,7 @@ def sample_grid(
         factors=channels.matrix[None] / (divisor[:, None] * stack.white),
         response=capture.response,
         dark=capture.dark,
+        flat=capture.flat,
         valid=_valid(capture, valid_range),
     )
     pixels = PixelSet.from_mask(mask)

@@ -4,23 +4,33 @@ from dataclasses import dataclass
 
 from psstereo.normals import LeastSquares, Robust
 from psstereo.normals.ambient import AmbientLeastSquares
+from psstereo.normals.exemplar import Exemplar
+from psstereo.normals.response_bend import ResponseBend
 from psstereo.normals.trimmed import Trimmed
 from psstereo.plan.contestants import CONTESTANTS, lambert_holds
 from psstereo.plan.facts import Facts
 from psstereo.plan.trials import Trial
 
-__all__ = ["Choice", "choose_by_facts"]
+__all__ = ["Choice", "choose_by_facts", "choose_whole"]
 
 _AS_GOOD = 1.05
-"""Ratio of changes up to which the quicker solver is taken."""
-_NOTHING = 0.02
-"""Difference of changes that never matters [deg]."""
-_FOLLOWS = 2.0
-"""Factor on the change of solvers that follow every observation, where Lambert's law is broken: what pulls them has a
-part that all choices of lights share and that no change shows; it is taken for as large as what shows."""
-_CUTS = 1.5
+"""Ratio of doubts up to which the quicker solver is taken."""
+_NOTHING = 0.001
+"""Difference of doubts that never matters [deg]."""
+_FOLLOWS = 1.4
+"""Factor on the doubt of solvers that follow every observation, where Lambert's law is broken: what pulls them is
+smooth, so that their normals move little whatever lights are taken away."""
+_CUTS = 1.2
 """The same for the one that cuts brightness off at fixed ranks, which follows half of them."""
-_FACTORS = {LeastSquares.name: _FOLLOWS, AmbientLeastSquares.name: _FOLLOWS, Trimmed.name: _CUTS}
+_RICH = 0.8
+"""The same for the solver whose reflectance is as rich as that by which solvers are compared: of two that seem as good
+it is the nearer one more often."""
+_FACTORS = {
+    LeastSquares.name: _FOLLOWS,
+    AmbientLeastSquares.name: _FOLLOWS,
+    Trimmed.name: _CUTS,
+    Exemplar.name: _RICH,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,15 +74,40 @@ def choose_by_facts(facts: Facts) -> Choice:
             return Choice(solver=LeastSquares.name, reason=reason, figure=f"broken at {facts.misfit:.1%} of the pixels")
         many = f"Nothing was tried; {facts.images} lights are enough to leave highlights and shadows out."
         return Choice(solver=Robust.name, reason=many, figure=f"{facts.images} lights")
-    doubts = {one.solver: one.change_deg * _FACTORS.get(one.solver, 1.0) for one in facts.trials}
+    doubts = {one.solver: one.doubt_deg * _FACTORS.get(one.solver, 1.0) for one in facts.trials}
     best = min(facts.trials, key=lambda one: doubts[one.solver])
-    least = doubts[best.solver]
-    limit = max(_AS_GOOD * least, least + _NOTHING, least + best.error_deg)
+    limit = max(_AS_GOOD * doubts[best.solver], doubts[best.solver] + _NOTHING)
     taken = next(one for one in _by_cost(facts) if doubts[one.solver] <= limit)
-    reason = f"Of {len(facts.trials)} solvers tried, {taken.solver} changes least when lights are taken away"
-    reason += "." if taken is best else ", or so little more that the quicker one is as good."
-    others = ", ".join(f"{one.solver} {one.change_deg:.2g}°" for one in _by_cost(facts) if one is not taken)
-    return Choice(solver=taken.solver, reason=reason, figure=f"{taken.change_deg:.2g}° ({others})")
+    reason = f"Of {len(facts.trials)} solvers tried, {taken.solver} is the steadiest and explains most"
+    reason += "." if taken is best else ", or so nearly that the quicker one is as good."
+    others = ", ".join(f"{one.solver} {one.doubt_deg:.2g}°" for one in _by_cost(facts) if one is not taken)
+    return Choice(solver=taken.solver, reason=reason, figure=f"{taken.doubt_deg:.2g}° ({others})")
+
+
+def choose_whole(facts: Facts) -> Choice:
+    """Choose the solver of a run that leaves nothing out.
+
+    Where the facts speak for another solver than least squares none of its corrections is left out, and it stays; its
+    rivals answer the same question otherwise and are no corrections of it.
+
+    Parameters
+    ----------
+    facts : Facts
+        The facts.
+
+    Returns
+    -------
+    Choice
+        That of the facts, or the richest solver that the lights are enough for in the place of least squares.
+    """
+    choice = choose_by_facts(facts)
+    if choice.solver != LeastSquares.name:
+        return choice
+    for kind in (ResponseBend, Robust):
+        if facts.images >= kind.pays_from:
+            reason = "Nothing was to be left out, and it leaves out highlights and shadows."
+            return Choice(solver=kind.name, reason=reason, figure=choice.figure)
+    return choice
 
 
 def _by_cost(facts: Facts) -> list[Trial]:

@@ -5,16 +5,17 @@ from typing import Any
 import numpy as np
 
 from psstereo.lights import Rig
-from psstereo.normals import Gate, LeastSquares, NormalSolver, PixelNormals, Robust
+from psstereo.normals import Gate, LeastSquares, NormalSolver, Robust
 from psstereo.normals.ambient import AmbientLeastSquares
 from psstereo.normals.bipolynomial import BiPolynomial
 from psstereo.normals.bivariate import Bivariate
+from psstereo.normals.exemplar import Exemplar
 from psstereo.normals.response_bend import ResponseBend
 from psstereo.normals.trimmed import Trimmed
 from psstereo.plan.costs import COSTS
-from psstereo.plan.evidence import Evidence
+from psstereo.plan.evidence import Evidence, trouble
 from psstereo.plan.sample import Sample
-from psstereo.plan.trials import Trial, try_solver
+from psstereo.plan.trials import Attempt, Trial, attempt, judged
 from psstereo.types import FloatArray
 
 __all__ = ["CONTESTANTS", "LAMBERT_HOLDS", "lambert_holds", "run_trials"]
@@ -26,6 +27,7 @@ CONTESTANTS: tuple[type[NormalSolver[Any]], ...] = (
     Robust,
     ResponseBend,
     BiPolynomial,
+    Exemplar,
     Bivariate,
 )
 """Solvers, the quickest first."""
@@ -34,9 +36,9 @@ LAMBERT_HOLDS = 0.03
 """Share of pixels with structured residuals up to which least squares with its gate is as good as anything."""
 _BRIGHT = 0.005
 """Share of observations brighter than the fit, beyond noise, up to which it has followed no shadow."""
-_MOST, _LEAST = 256, 96
+_MOST, _LEAST = 128, 96
 """Pixels tried, at most and at least."""
-_BUDGET = 0.2, 0.1
+_BUDGET = 0.1, 0.1
 """What all trials may take: so many seconds [s], and this share of the expected time of the solver [1]."""
 
 
@@ -75,27 +77,28 @@ def run_trials(
     nothing: tuple[float | None, float | None] = (None, None)
     if len(rig) < Robust.pays_from or lambert_holds(said.misfit, said.bright_outliers):
         return (), nothing
-    values = _few(sample, pixels)
-    found: dict[str, Trial] = {}
-    ambient = nothing
-    for kind in CONTESTANTS:
-        if len(rig) < kind.pays_from:
-            continue
-        tried = try_solver(kind() if gate is None else kind(gate=gate), rig, values)
-        if tried is None:
-            continue
-        found[kind.name] = tried[0]
-        if kind is AmbientLeastSquares:
-            ambient = _level(tried[1])
-    return tuple(found.values()), ambient
+    values, weights = _few(sample, pixels)
+    kinds = [kind for kind in CONTESTANTS if len(rig) >= kind.pays_from]
+    tried = [attempt(kind() if gate is None else kind(gate=gate), rig, values) for kind in kinds]
+    found = [one for one in tried if one is not None]
+    level = next((_level(one) for one in found if one.ambient is not None), nothing)
+    return judged(found, rig, values, weights), level
 
 
-def _few(sample: Sample, pixels: int) -> FloatArray:
-    """Return the samples of a few pixels with a fit, spread over the sample."""
-    good = np.flatnonzero(np.isfinite(sample.albedo))
-    count = min(_affordable(len(sample.directions), pixels), len(good))
-    chosen = good[((np.arange(count) + 0.5) * len(good) / count).astype(np.int64)]
-    return np.ascontiguousarray(sample.values[:, chosen])
+def _few(sample: Sample, pixels: int) -> tuple[FloatArray, FloatArray]:
+    """Return the samples of a few pixels with a fit, and for how many pixels each of them stands, 1 on average.
+
+    Every other one is drawn evenly, the rest by what least squares leaves: where it leaves nothing all solvers agree,
+    and shadows that only few pixels have decide about the mean error of all.
+    """
+    fitted = np.flatnonzero(np.isfinite(sample.albedo))
+    left = trouble(sample)[fitted]
+    mean = float(left.mean()) if len(left) else 0.0
+    chance = 0.5 * (1.0 + left / mean) if mean > 0 else np.ones(len(fitted))
+    count = min(_affordable(len(sample.directions), pixels), len(fitted))
+    steps = (np.arange(count) + 0.5) * chance.sum() / max(count, 1)
+    drawn = np.minimum(np.searchsorted(np.cumsum(chance), steps), len(fitted) - 1)
+    return np.ascontiguousarray(sample.values[:, fitted[drawn]]), 1.0 / chance[drawn]
 
 
 def _affordable(lights: int, pixels: int) -> int:
@@ -107,7 +110,7 @@ def _affordable(lights: int, pixels: int) -> int:
     return int(np.clip(allowed / each, _LEAST, _MOST))
 
 
-def _level(found: PixelNormals) -> tuple[float | None, float | None]:
+def _level(found: Attempt) -> tuple[float | None, float | None]:
     """Return the median ambient level over albedo, and the standard error of that median."""
     if found.ambient is None:
         return None, None

@@ -36,22 +36,24 @@ class Cost:
 
 COSTS: dict[str, Cost] = {
     "least-squares": Cost(readable=35e-9, compiled=35e-9),
+    "sky": Cost(readable=500e-9, compiled=500e-9),
     "trimmed": Cost(readable=55e-9, compiled=55e-9),
     "ambient": Cost(readable=950e-9, compiled=950e-9),
     "low-rank": Cost(readable=850e-9, compiled=850e-9),
     "robust": Cost(readable=900e-9, compiled=85e-9, load=1.0, break_even=1.5e6, start=0.2),
     "sparse-bayesian": Cost(readable=900e-9, compiled=190e-9, load=0.7, break_even=5e5, start=0.2),
     "response-bend": Cost(readable=2400e-9, compiled=250e-9, load=0.9, break_even=9e5, start=0.2),
-    "bi-polynomial": Cost(readable=3600e-9, compiled=750e-9, load=0.9, break_even=1e5, start=0.2),
+    "bi-polynomial": Cost(readable=3600e-9, compiled=450e-9, load=0.9, break_even=1e5, start=0.2),
+    "exemplar": Cost(readable=7000e-9, compiled=1800e-9, load=1.8, break_even=2e5, start=0.2),
     "bivariate": Cost(readable=6000e-9, compiled=1600e-9, load=1.0, break_even=2e5, start=0.2),
 }
 """By the solver's name."""
 
 DEPTH: dict[str, Cost] = {
-    "poisson": Cost(readable=2.2e-6, compiled=0.32e-6, load=0.4, break_even=1e5, start=0.2),
-    "discontinuity": Cost(readable=2.2e-6, compiled=1.6e-6, load=0.5, break_even=2.5e4, start=0.25),
+    "poisson": Cost(readable=2.2e-6, compiled=0.4e-6, load=0.32, break_even=1e5, start=0.07),
+    "discontinuity": Cost(readable=2.2e-6, compiled=1.6e-6, load=0.35, break_even=2.5e4, start=0.1),
 }
 """By the integrator's name, a pixel instead of a sample."""
 
-MESH = Cost(readable=0.36e-6, compiled=0.36e-6, start=0.1)
+MESH = Cost(readable=0.2e-6, compiled=0.2e-6, start=0.035)
 """Of the mesh, a pixel."""

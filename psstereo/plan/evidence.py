@@ -12,7 +12,7 @@ import numpy as np
 from psstereo.plan.sample import Sample
 from psstereo.types import BoolArray, FloatArray
 
-__all__ = ["Evidence", "colour_spread", "evidence", "saturated_share"]
+__all__ = ["Evidence", "colour_spread", "evidence", "saturated_share", "trouble"]
 
 _LIT = 0.1
 """Cosine to the light from which an observation is judged."""
@@ -53,13 +53,8 @@ def evidence(sample: Sample) -> Evidence:
     Evidence
         The figures; None where there is no redundancy to tell by, with three lights for instance.
     """
-    values = sample.values
-    cosines = sample.directions @ sample.normals.T
-    with np.errstate(invalid="ignore", divide="ignore"):
-        share = sample.residual / sample.albedo  # of the albedo
-        front = (cosines > _LIT) & np.isfinite(share)
-        lit = front & (values > _DARK * sample.albedo * cosines)
-    known = np.isfinite(values)
+    cosines, share, front, lit = _parted(sample)
+    known = np.isfinite(sample.values)
     unusable, shadowed = 1.0 - float(known.mean()), _mean((cosines <= 0)[:, np.isfinite(cosines).all(axis=0)])
     if len(sample.directions) < 4 or not lit.any():
         return Evidence(
@@ -83,6 +78,35 @@ def evidence(sample: Sample) -> Evidence:
         residual=float(np.sqrt(np.mean(share[lit] ** 2))),
         misfit=together,
     )
+
+
+def trouble(sample: Sample) -> FloatArray:
+    """Return how much least squares leaves at each pixel, noise and all.
+
+    Parameters
+    ----------
+    sample : Sample
+        The sample.
+
+    Returns
+    -------
+    float64 array (n,)
+        Root-mean-square residual of the observations that face their light, over the albedo, those beyond the albedo
+        counted as one; 0 where there is no fit [1].
+    """
+    _, share, front, _ = _parted(sample)
+    square = np.square(np.where(front, np.clip(share, -1.0, 1.0), 0.0)).sum(axis=0)
+    return np.asarray(np.sqrt(square / np.maximum(front.sum(axis=0), 1)))
+
+
+def _parted(sample: Sample) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
+    """Return cosines to the lights, residuals over the albedo, and which observations face a light and are lit."""
+    cosines = sample.directions @ sample.normals.T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = sample.residual / sample.albedo
+        front = (cosines > _LIT) & np.isfinite(share)
+        lit = front & (sample.values > _DARK * sample.albedo * cosines)
+    return cosines, share, front, lit
 
 
 def _mean(flags: BoolArray) -> float:

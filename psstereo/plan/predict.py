@@ -21,8 +21,14 @@ _CONVERSION = 5e-9
 """Time to convert a value of an image into a sample [s]."""
 _SURVEY = 1.3e-7
 """Time of the survey an observation of the sample, the trials aside [s]."""
-_START = 0.08
+_START = 0.02
 """Time to load what the survey needs [s]."""
+_TRYING = 0.08
+"""Time to load the solvers that are tried, more than each takes by itself [s]."""
+_JUDGED = 4e-5
+"""Time to compare one solver's normal of one pixel with the others' [s]."""
+_ASSEMBLY = 9e-7
+"""Time to put the answer together, a pixel [s]."""
 _COMPILER = 0.25
 """Time to load the compiler, which compiled solvers and integration share [s]."""
 _BASE = 150e6
@@ -85,16 +91,20 @@ def predict(plan: "Plan", options: Options, speed: Speed | None = None) -> Predi
     threads = max(facts.workers, 1)
     share = 1.0 / (1.0 + _TOGETHER * (threads - 1))
     values = float(facts.images * facts.height * facts.width * facts.channels)
-    trials = sum(2 * one.pixels * facts.images * COSTS[one.solver].readable for one in facts.trials)
     mesh = _of(MESH, facts.pixels, fast.integrating) if plan["mesh"].use else 0.0
     return Prediction(
         read=((facts.decode_seconds or 0.0) * facts.images + _CONVERSION * fast.solving * values) * share,
-        survey=fast.solving * (_START + _SURVEY * facts.surveyed * facts.images + trials),
+        survey=fast.solving * (_START + _SURVEY * facts.surveyed * facts.images + _trials(facts)),
         solve=_solving(facts, solver, share, fast),
         depth=_depth(plan, options, solver, fast) if plan["depth"].use else 0.0,
         mesh=mesh,
         memory=_memory(facts, plan, solver),
     )
+
+
+def _trials(facts: Facts) -> float:
+    each = [2 * facts.images * COSTS[one.solver].readable + _JUDGED for one in facts.trials]
+    return sum(one.pixels * cost for one, cost in zip(facts.trials, each, strict=True)) + _TRYING * bool(each)
 
 
 def _solver(plan: "Plan") -> str:
@@ -132,7 +142,8 @@ def _solving(facts: Facts, solver: str, share: float, speed: Speed) -> float:
     work = float(facts.pixels * facts.images * (facts.channels if facts.kept_apart else 1))
     compiled = _compiled(facts, solver)
     each = cost.compiled if compiled else cost.readable
-    return speed.solving * (each * work * share + (cost.load if compiled else cost.start))
+    assembly = _ASSEMBLY * facts.pixels
+    return speed.solving * ((each * work + assembly) * share + (cost.load if compiled else cost.start))
 
 
 def _memory(facts: Facts, plan: "Plan", solver: str) -> float:

@@ -44,7 +44,7 @@ def preparation(capture: Capture, normals: NormalsResult) -> PlanSteps:
     Returns
     -------
     list of Step
-        Two steps.
+        Three steps.
     """
     linear, dark = capture.response.is_linear, capture.dark is not None
     curve = "The images are linear." if linear else f"The camera's {capture.response.name} curve was removed."
@@ -55,9 +55,12 @@ def preparation(capture: Capture, normals: NormalsResult) -> PlanSteps:
             f" It is brighter than the photographs in {below:.1%} of the observations, most in {most[0]}"
             f" ({most[1]:.1%}): was it taken with the same exposure, and without the lights?"
         )
+    flat = capture.flat is not None
+    even = "A flat field made lens and sensor even." if flat else "There is no flat field."
     return [
         Step(name="linearisation", done=not linear, reason=curve),
         Step(name="dark level", done=dark, reason=level),
+        Step(name="flat field", done=flat, reason=even),
     ]
 
 

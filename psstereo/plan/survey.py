@@ -104,7 +104,8 @@ def describe(capture: Capture, options: Options) -> Facts:
         len(channels.weights.matrix),
         options.max_memory,
         options.workers,
-        undoing=(0 if capture.response.is_linear else 8) + (0 if capture.dark is None else 8),
+        undoing=(0 if capture.response.is_linear else 8)
+        + 8 * ((capture.dark is not None) + (capture.flat is not None)),
         masked=options.observation_mask is not None,
         verdicts=options.verdicts,
         projected=channels.projection is not None,
@@ -186,7 +187,7 @@ def _survey(samples: Gathered, watched: Watched, facts: Facts, options: Options)
     said = evidence(sample)
     trials: tuple[Trial, ...] = ()
     ambient: tuple[float | None, float | None] = (None, None)
-    if options.solver is None and not options.nothing_left_out:
+    if options.solver is None:
         trials, ambient = run_trials(sample, capture.rig, said, facts.pixels, options.gate)
     return replace(
         facts,

@@ -1,12 +1,15 @@
-"""Trying solvers on a few pixels: how far their normals move when lights are taken away.
+"""Trying solvers on a few pixels: which of them is nearest to the truth that nobody knows.
 
-The error of a normal is not known without its truth, but much of it shows when the lights change: noise, highlights
-and shadows that come and go with a light, and a reflectance that a solver gets wrong, which pulls the normal toward
-where the lights happen to be. So each solver solves a few pixels with all lights and again without one sector of the
-sky, another one for each pixel in turn; the angle between the answers is its figure. What it cannot see is an error
-that any choice of lights makes alike.
+The error of a normal is not known without its truth, but two things show of it. What comes and goes with the lights,
+such as noise, highlights and shadows, moves the normal when lights are taken away: each pixel is solved with all lights
+and again without one sector of the sky, another one for each pixel in turn. What a solver gets wrong with any choice
+of lights, such as a reflectance that it cannot follow, leaves brightness unexplained that another normal explains:
+each pixel's normal is compared with that of the solver whose normal explains this pixel best, whatever it is made of
+(:mod:`psstereo.plan.explanation`). The product of the two angles tells solvers apart: each by itself is deceived, the
+first by a solver that is wrong but steady, the second by one whose mistakes a highlight could explain.
 
-The readable reference of each solver is used, since loading compiled code costs more than these few pixels.
+The readable reference of each solver is used, since loading compiled code costs more than these few pixels, and both
+solutions in one go.
 """
 
 import time
@@ -19,17 +22,24 @@ from psstereo.errors import PsstereoError
 from psstereo.flags import Flag
 from psstereo.lights import Rig
 from psstereo.metrics import angular_error
-from psstereo.normals import NormalSolver, PixelNormals, Samples
+from psstereo.normals import NormalSolver, Samples
+from psstereo.plan.explanation import best_explained
 from psstereo.types import FloatArray, IntArray
 
-__all__ = ["Trial", "fold_count", "folds", "try_solver"]
+__all__ = ["Attempt", "Trial", "attempt", "fold_count", "folds", "judged"]
 
 _MANY, _FEW = 48, 24
 """Lights from which a third of them may be taken away, and up to which an eighth is enough."""
 _UNSETTLED = 0.05
 """Share of pixels at which a solver may stop before it has converged and still be a choice."""
 _LOST = np.radians(20.0)
-"""What counts for a pixel that cannot be solved without some of the lights [rad]."""
+"""What counts for a pixel that cannot be solved, or not without some of the lights [rad]."""
+_FURTHEST = np.radians(30.0)
+"""Distance from the best explained normal that counts at most [rad]."""
+_USUAL = 0.98
+"""Rank of the angle that larger ones are taken for: so few pixels say nothing about rare ones [1]."""
+_FLOOR = 0.0005
+"""Angle below which nothing is told apart [deg]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,9 +55,11 @@ class Trial:
     pixels : int
         Pixels that were tried.
     seconds : float
-        Time of its solution with all lights, by the readable reference [s].
+        Time of both solutions, by the readable reference [s].
     error_deg : float
         Standard error of `change_deg`: so few pixels tell it no better [deg].
+    apart_deg : float
+        Mean angle between its normals and those that explain the pixels best [deg].
     """
 
     solver: str
@@ -55,6 +67,37 @@ class Trial:
     pixels: int
     seconds: float
     error_deg: float = 0.0
+    apart_deg: float = 0.0
+
+    @property
+    def doubt_deg(self) -> float:
+        """Geometric mean of the two angles, with a floor below which nothing is told apart [deg]."""
+        return float(np.sqrt((self.change_deg + _FLOOR) * (self.apart_deg + _FLOOR)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Attempt:
+    """What a solver found at a few pixels.
+
+    Attributes
+    ----------
+    solver : str
+        Its name.
+    scaled : float64 array (n, 3)
+        Albedo times normals with all lights; NaN where there is none [any unit].
+    moved : float64 array (n,)
+        Angle to the normal without a sector [rad].
+    seconds : float
+        Time that both took [s].
+    ambient : float64 array (n,) or None
+        Ambient level, from solvers that tell it [any unit].
+    """
+
+    solver: str
+    scaled: FloatArray
+    moved: FloatArray
+    seconds: float
+    ambient: FloatArray | None = None
 
 
 def fold_count(lights: int) -> int:
@@ -83,7 +126,7 @@ def folds(rig: Rig) -> list[IntArray]:
     return [np.flatnonzero(around * parts // count != part) for part in range(parts)]
 
 
-def try_solver(solver: NormalSolver[Any], rig: Rig, values: FloatArray) -> tuple[Trial, PixelNormals] | None:
+def attempt(solver: NormalSolver[Any], rig: Rig, values: FloatArray) -> Attempt | None:
     """Solve a few pixels with all lights, and each without one of the sectors.
 
     Parameters
@@ -97,29 +140,79 @@ def try_solver(solver: NormalSolver[Any], rig: Rig, values: FloatArray) -> tuple
 
     Returns
     -------
-    (Trial, PixelNormals) or None
-        How it did, and its answer with all lights; None if it refuses these lights, or fewer of them, or does not
-        settle at too many of the pixels.
+    Attempt or None
+        What it found; None if it refuses these lights, or fewer of them, or does not settle at too many of the pixels.
     """
-    chosen = folds(rig)
-    if min(len(one) for one in chosen) < solver.least_lights:
+    stay, pixels = folds(rig), values.shape[1]
+    if min(len(one) for one in stay) < solver.least_lights:
         return None
+    few = np.full(values.shape, np.nan)
+    for part, lights in enumerate(stay):
+        few[lights, part :: len(stay)] = values[lights, part :: len(stay)]
     try:
+        for lights in stay:
+            rig.select(lights).require_spanning()
         started = time.perf_counter()
-        whole = solver.solve(solver.prepare(rig), Samples(values))
+        found = solver.solve(solver.prepare(rig), Samples(np.concatenate([values, few], axis=1)))
         seconds = time.perf_counter() - started
-        if np.mean((whole.flags & np.uint16(Flag.NOT_CONVERGED)) != 0) > _UNSETTLED:
-            return None
-        moved = np.zeros(values.shape[1])
-        for part, stays in enumerate(chosen):
-            few, own = rig.select(stays), slice(part, None, len(chosen))
-            seen = np.ascontiguousarray(values[stays][:, own])
-            found = solver.solve(solver.prepare(few), Samples(seen)).scaled
-            angle = angular_error(found, whole.scaled[own])
-            moved[own] = np.where(np.isfinite(angle), angle, _LOST)
     except PsstereoError:  # it does not serve such lights, or not without some of them
         return None
-    change = float(np.degrees(np.mean(moved)))
-    count = values.shape[1]
-    error = float(np.degrees(np.std(moved))) / float(np.sqrt(count))
-    return Trial(solver=solver.name, change_deg=change, pixels=count, seconds=seconds, error_deg=error), whole
+    if np.mean((found.flags[:pixels] & np.uint16(Flag.NOT_CONVERGED)) != 0) > _UNSETTLED:
+        return None
+    angle = angular_error(found.scaled[pixels:], found.scaled[:pixels])
+    return Attempt(
+        solver=solver.name,
+        scaled=found.scaled[:pixels],
+        moved=np.where(np.isfinite(angle), angle, _LOST),
+        seconds=seconds,
+        ambient=None if found.ambient is None else found.ambient[:pixels],
+    )
+
+
+def judged(
+    attempts: list[Attempt], rig: Rig, values: FloatArray, weights: FloatArray | None = None
+) -> tuple[Trial, ...]:
+    """Compare solvers with each other on the same pixels.
+
+    Parameters
+    ----------
+    attempts : list of Attempt
+        What each found.
+    rig : Rig
+        Distant lights.
+    values : float64 array (m, n)
+        The samples that they were given.
+    weights : float64 array (n,), optional
+        For how many pixels each stands, 1 on average; the same for all if absent [1].
+
+    Returns
+    -------
+    tuple of Trial
+        One a solver, in the same order.
+    """
+    if not attempts:
+        return ()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        units = np.stack([one.scaled / np.linalg.norm(one.scaled, axis=1)[:, None] for one in attempts])
+    stands = np.ones(values.shape[1]) if weights is None else weights
+    best = best_explained(units, rig.directions, values)
+    trials = []
+    for one, normals in zip(attempts, units, strict=True):
+        angle = angular_error(normals, best)
+        apart = np.where(np.isfinite(angle), np.minimum(angle, _FURTHEST), _LOST)
+        trials.append(
+            Trial(
+                solver=one.solver,
+                change_deg=_mean(one.moved * stands),
+                pixels=len(one.moved),
+                seconds=one.seconds,
+                error_deg=float(np.degrees(np.std(one.moved * stands) / np.sqrt(len(one.moved)))),
+                apart_deg=_mean(apart * stands),
+            )
+        )
+    return tuple(trials)
+
+
+def _mean(angles: FloatArray) -> float:
+    """Return the mean, the largest fiftieth taken for the next smaller one [deg]."""
+    return float(np.degrees(np.minimum(angles, np.quantile(angles, _USUAL)).mean()))

@@ -124,10 +124,7 @@ def image_of_capture(
             needed=f"The capture {capture.name} has images 1 to {len(capture.stack)}.",
             remedy="Choose one of them.",
         )
-    values = brightness(capture.stack.frame(index), response=capture.response, gray=gray, white=capture.stack.white)
-    if capture.dark is not None:
-        weights = gray_weights(gray, capture.dark.shape[2]).matrix[0]
-        values = values - np.asarray(capture.dark, np.float64) @ weights / capture.stack.white
+    values = brightness(capture.linear(index), gray=gray, white=capture.stack.white)
     light = _one_channel(capture.rig.lights[index], gray)
     name = capture.stack.names[index]
     source = Assumption(

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from psstereo.errors import MissingFileError, UnreadableFileError
+from psstereo.stack.raw import RAW_SUFFIXES, decode_raw
 from psstereo.types import Array
 
 __all__ = ["IMAGE_SUFFIXES", "decode_image", "read_bytes"]
 
-IMAGE_SUFFIXES = frozenset(
-    {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".pnm", ".tga", ".exr", ".hdr", ".webp", ".npy"}
-)
+IMAGE_SUFFIXES = RAW_SUFFIXES | {
+    *(".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".pnm", ".tga", ".exr", ".hdr", ".webp", ".npy")
+}
 """Endings of the image files that :func:`decode_image` reads, lower case."""
 
 _TAIL = 1 << 16
@@ -43,13 +44,15 @@ def read_bytes(path: Path) -> Array:
     return data
 
 
-def decode_image(path: Path) -> Array:
+def decode_image(path: Path, *, half: bool = False) -> Array:
     """Decode an image file without changing its values.
 
     Parameters
     ----------
     path : Path
         A file of one of the kinds in `IMAGE_SUFFIXES`; its ending decides who decodes it.
+    half : bool
+        Whether four photosites of a RAW file make one pixel; images of other kinds stay as they are.
 
     Returns
     -------
@@ -62,6 +65,8 @@ def decode_image(path: Path) -> Array:
         If the file is not there.
     UnreadableFileError
         If it is damaged, truncated, or no image of a known kind.
+    OptionError
+        If it is a RAW file and the extra raw is not installed.
     """
     suffix = path.suffix.lower()
     if suffix == ".npy":
@@ -69,6 +74,8 @@ def decode_image(path: Path) -> Array:
     if suffix == ".exr":
         return _decode_exr(path)
     data = read_bytes(path)
+    if suffix in RAW_SUFFIXES:
+        return decode_raw(path, half=half)
     if suffix == ".tga":
         return _decode_pillow(path)
     _require_end(path, data)

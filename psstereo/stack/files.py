@@ -22,6 +22,8 @@ class FileStack(ImageStack):
         One file an image, in the order of the lights.
     white : float, optional
         Value that means full scale; from the type if absent. Give 4095 for 12-bit values in 16-bit files.
+    half : bool
+        Whether four photosites of a RAW file make one pixel: a quarter of the pixels, none of them interpolated.
 
     Raises
     ------
@@ -31,14 +33,15 @@ class FileStack(ImageStack):
         If a file is not there or damaged.
     """
 
-    def __init__(self, paths: tuple[Path, ...], *, white: float | None = None) -> None:
+    def __init__(self, paths: tuple[Path, ...], *, white: float | None = None, half: bool = False) -> None:
         if not paths:
             raise InputError(
                 given="There are no image files.", needed="A stack needs one image a light.", remedy="Check the folder."
             )
         self.paths = paths
         self.names = tuple(path.name for path in paths)
-        first = _colours(decode_image(paths[0]), paths[0])
+        self.half = half
+        first = self._decode(paths[0])
         # Kept until it is asked for, so that every file is decoded once in a run.
         self._first: Array | None = first
         self._lock = Lock()
@@ -55,7 +58,7 @@ class FileStack(ImageStack):
             if first is not None:
                 return first
         path = self.paths[index]
-        image = _colours(decode_image(path), path)
+        image = self._decode(path)
         if image.shape != self.shape[1:] or image.dtype != self.dtype:
             raise InputError(
                 given=f"{path.name} is {_describe(image)}; {self.names[0]} is {self._describe_first()}.",
@@ -63,6 +66,9 @@ class FileStack(ImageStack):
                 remedy="Convert or crop them alike, or leave the odd one out together with its light.",
             )
         return image
+
+    def _decode(self, path: Path) -> Array:
+        return _colours(decode_image(path, half=True) if self.half else decode_image(path), path)
 
     def _describe_first(self) -> str:
         return _describe_shape(self.shape[1:], self.dtype)

@@ -1,15 +1,18 @@
 """From images to samples: the pixels under the mask, one row an image, ready for a solver.
 
-Each image is decoded once, and in one pass over it the dark level is taken off, the channels are weighted and divided
-by the strength of their light, and the pixels under the mask are picked. Only the samples stay.
+Each image is decoded once, and in one pass over it the dark level is taken off, the flat field's gain applied, the
+channels are weighted and divided by the strength of their light, and the pixels under the mask are picked. Only the
+samples stay.
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from psstereo.scratch import Scratch
+from psstereo.stack.flat import FlatField
 from psstereo.stack.response import LINEAR, Response
 from psstereo.stack.stack import ImageStack
 from psstereo.stack.store import SampleStore
@@ -61,7 +64,7 @@ class PixelSet:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Conversion:
-    """How pixel values become samples: ``Σ_c factors[i, k, c] · (linear(value) − dark)``.
+    """How pixel values become samples: ``Σ_c factors[i, k, c] · gain · (linear(value) − dark)``.
 
     Attributes
     ----------
@@ -71,6 +74,8 @@ class Conversion:
         Camera response to undo.
     dark : float array (h, w, c) or None
         Level without the light, in linear pixel values.
+    flat : FlatField or None
+        Gains of the pixels; 1 if absent.
     valid : (float, float) or None
         Open range of raw pixel values outside of which an observation is not usable; it becomes NaN.
     clip : float or None
@@ -80,6 +85,7 @@ class Conversion:
     factors: FloatArray
     response: Response = LINEAR
     dark: FloatArray | None = None
+    flat: FlatField | None = None
     valid: tuple[float, float] | None = None
     clip: float | None = None
 
@@ -151,10 +157,11 @@ class _ImageJob:
     def __call__(self, index: int) -> float:
         frame = self.stack.frame(index)[self.pixels.box]
         factors, valid = self.conversion.factors[index], self.conversion.valid
-        if frame.strides[2] < 0 and self.conversion.dark is None:
-            # B, G, R in memory: turn the factors round instead of the pixels
+        turned = frame.strides[2] < 0
+        if turned:
+            # B, G, R in memory: turn factors, dark level and gains round instead of the pixels
             frame, factors = frame[..., ::-1], factors[:, ::-1]
-        combined = self._combine(frame, factors)
+        combined = self._combine(index, frame, factors, turned=turned)
         rows = self.store.rows(index)
         shape = (len(factors), len(self.pixels))
         samples = self.scratch.array("samples", shape, combined.dtype) if rows is None else rows
@@ -171,29 +178,55 @@ class _ImageJob:
             self.below[index] = np.count_nonzero(samples < -_BELOW * abs(largest)) / samples.size
         return largest
 
-    def _combine(self, frame: Array, factors: FloatArray) -> FloatArray:
+    def _combine(self, index: int, frame: Array, factors: FloatArray, *, turned: bool) -> FloatArray:
         """Return (rows, columns, k) sums over the channels, float32, or float64 for float64 images."""
         import cv2
 
         dtype = np.float64 if frame.dtype == np.float64 else np.float32
         linear = self.scratch.array("linear", frame.shape, dtype)
-        np.copyto(linear, self._linear(frame), casting="same_kind")
+        self._fill(index, frame, linear, turned=turned)
         out = self.scratch.array("combined", (*frame.shape[:2], len(factors)), dtype)
         cv2.transform(linear, np.ascontiguousarray(factors, dtype), dst=out)
-        if linear.shape[2] > 1 and frame.dtype.kind == "f" and not (factors.all() or np.isfinite(linear).all()):
+        spoilt = frame.dtype.kind == "f" or self.conversion.flat is not None
+        if linear.shape[2] > 1 and spoilt and not (factors.all() or np.isfinite(linear).all()):
             # 0 · NaN is NaN, but a channel that is not used cannot spoil the others
             for k, row in enumerate(factors.astype(dtype)):
                 out[..., k] = linear[..., row != 0] @ row[row != 0]
         return out
 
-    def _linear(self, frame: Array) -> Array:
+    def _fill(self, index: int, frame: Array, linear: FloatArray, *, turned: bool) -> None:
+        """Write light to `linear`: each step's result goes straight there, so that none takes a pass of its own."""
         how = self.conversion
-        linear = frame if how.response.is_linear else how.response.linearise(frame, self.stack.white)
-        if how.dark is None:
-            return linear
-        dark = how.dark[self.pixels.box]
-        # never in integers: below the dark level they would wrap round
-        return np.asarray(np.subtract(linear, dark, dtype=np.result_type(linear, dark, np.float32)))
+        light: Array = frame if how.response.is_linear else how.response.linearise(frame, self.stack.white)
+        if how.dark is not None:
+            dark = self._dark[turned][self.pixels.box]
+            # never in integers: below the dark level they would wrap round
+            exact = np.result_type(light, dark, np.float32)
+            np.subtract(light, dark, out=linear, dtype=exact, casting="same_kind")
+            light = linear
+        if how.flat is not None:
+            gain = how.flat.of(index) if how.flat.per_light else self._gain[turned]
+            gain = gain[..., ::-1] if turned and how.flat.per_light else gain
+            np.multiply(light, gain[self.pixels.box], out=linear, dtype=linear.dtype, casting="same_kind")
+        elif light is not linear:
+            np.copyto(linear, light, casting="same_kind")
+
+    @cached_property
+    def _dark(self) -> tuple[FloatArray, FloatArray]:
+        """The dark level as R, G, B and as B, G, R lie in memory: loops over rows cost a third of those over pixels."""
+        return _both_ways(self.conversion.dark)
+
+    @cached_property
+    def _gain(self) -> tuple[FloatArray, FloatArray]:
+        """The gains that all images share, likewise."""
+        flat = self.conversion.flat
+        return _both_ways(None if flat is None else flat.gain)
+
+
+def _both_ways(values: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+    """Return an image with its channels in both orders, each contiguous."""
+    image = np.zeros((0, 0, 1)) if values is None else values
+    return np.ascontiguousarray(image), np.ascontiguousarray(image[..., ::-1])
 
 
 def _largest(frame: Array) -> float:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from psstereo.bench import Summary
 from psstereo.bench.folder import (
     BENCH,
+    PAGE,
     bench_content,
     fitted,
     implied_sweeps,
@@ -224,16 +225,16 @@ def content(found, sweeps=()):
 def test_the_folder_holds_what_was_measured_and_is_the_same_each_time(tmp_path):
     found, sweep = swept()
     found.append(summary("hills, 4", "shy", 0, declined="There are 4 lights."))
-    names = {}
+    names, measured = {}, content(found, [sweep])  # once, since the process's memory is among it
     for place in ("a", "b"):
-        names[place] = write_bench(tmp_path / place, content(found, [sweep]), draw("normals", found, [sweep]))
-    files = [BENCH, "error_lights.svg", "error_lights.png"]
+        names[place] = write_bench(tmp_path / place, measured, draw("normals", found, [sweep]))
+    files = [BENCH, PAGE, "error_lights.svg", "error_lights.png"]
     assert names["a"] == files
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == sorted(files)
     for name in files[1:]:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-    assert (tmp_path / "a" / files[1]).read_text(encoding="utf-8").startswith("<?xml")
-    assert (tmp_path / "a" / files[2]).read_bytes()[:4] == b"\x89PNG"
+    assert (tmp_path / "a" / files[2]).read_text(encoding="utf-8").startswith("<?xml")
+    assert (tmp_path / "a" / files[3]).read_bytes()[:4] == b"\x89PNG"
     told = read_bench(tmp_path / "a" / BENCH)
     assert told["rows"][-1]["declined"] == "There are 4 lights."
     assert told["rows"][-1]["seconds"] is None
@@ -254,7 +255,7 @@ def test_only_an_earlier_run_is_replaced_and_only_when_asked(tmp_path):
         require_bench_place(place, overwrite=False)
     found, sweep = swept()
     write_bench(place, content(found, [sweep]), draw("normals", found, [sweep]), overwrite=True)
-    assert len(list(place.iterdir())) == 3
+    assert len(list(place.iterdir())) == 4
     assert (place / BENCH).read_bytes() != before
     (place / "mine.txt").write_text("keep me", encoding="utf-8")
     with pytest.raises(ExistingResultError, match="no benchmark has written"):

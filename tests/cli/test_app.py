@@ -11,13 +11,14 @@ from pathlib import Path
 import pytest
 
 import psstereo_cli.app
+from psstereo_cli.commands.calibrate import CALIBRATIONS
 from psstereo_cli.execution import parse_floats, parse_size, threaded
 from psstereo_cli.failure import report_failure
 from psstereo_cli.record import finite
 
 COMMANDS = (
     "synth", "reconstruct", "plan", "integrate", "sfs", "terrain", "evaluate", "info", "match", "solvers", "demo",
-    "bench", "rig", "convert",
+    "bench", "rig", "convert", "calibrate",
 )  # fmt: skip
 
 _SLOW_WRITING = """
@@ -49,6 +50,13 @@ def test_every_help_has_an_example_that_is_a_command(run, command):
     assert done.code == 0
     assert re.search(rf"Example:\s+psstereo {command}\b", done.out)
     assert done.err == ""
+
+
+@pytest.mark.parametrize("target", CALIBRATIONS)
+def test_every_calibration_has_an_example_too(run, target):
+    done = run("calibrate", target, "--help")
+    assert done.code == 0
+    assert re.search(rf"Example:\s+psstereo\s+calibrate\s+{target}\b", done.out)
 
 
 def test_help_lists_every_command(run):

@@ -7,6 +7,7 @@ import pytest
 
 from psstereo.bench import read_records, summarise
 from psstereo.bench.folder import read_bench
+from psstereo.normals import NORMAL_SOLVERS
 from psstereo_synth.problems import lambertian_problems
 
 
@@ -188,7 +189,7 @@ def test_quick_measures_a_little_of_everything_and_draws_it(run, tmp_path):
     assert rows["one image", "variational"]["error"]["mean_deg"] < 5
     assert rows["folder", "reading, least-squares"]["error"]["mean_deg"] < 2
     assert done.record["baseline"] is None
-    files = ["bench.json", "error_time.svg", "error_time.png"]
+    files = ["bench.json", "report.html", "error_time.svg", "error_time.png"]
     assert done.record["files"] == files
     assert sorted(path.name for path in (tmp_path / "plots").iterdir()) == sorted(files)
     told = read_bench(tmp_path / "plots" / "bench.json")
@@ -213,7 +214,13 @@ def test_normals_has_series_and_tells_who_declined(run, monkeypatch, tmp_path):
     solvers = psstereo.normals.NORMAL_SOLVERS
     few = {name: solvers[name] for name in ("least-squares", "robust", "bivariate")}
     monkeypatch.setattr(psstereo.normals, "NORMAL_SOLVERS", few)
-    for name, values in (("LIGHTS", (8, 20)), ("NOISES", (0.01, 0.1)), ("CONES", (60.0, 10.0)), ("SCENES", ())):
+    for name, values in (
+        ("LIGHTS", (8, 20)),
+        ("NOISES", (0.01, 0.1)),
+        ("CONES", (60.0, 10.0)),
+        ("SIDES", (1, 2)),
+        ("SCENES", ()),
+    ):
         monkeypatch.setattr(suite, name, values)
     words = ("bench", "normals", "--size", "16x16", "--lights", "20", "--repeats", "1", "--threads", "1")
     done = run(*words, "-o", tmp_path / "records.jsonl")
@@ -221,6 +228,7 @@ def test_normals_has_series_and_tells_who_declined(run, monkeypatch, tmp_path):
     assert done.out == ""
     assert "There are 8 lights. The solver bivariate needs 20 or more." in done.text
     assert "mean angular error in ° by cone half-angle in °" in done.text
+    assert "time in ms by pixels in px" in done.text
     records = read_records(tmp_path / "records.jsonl")
     declined = {(r.problem, r.method) for r in records if r.declined}
     assert declined == {("noise, 8 lights", "bivariate"), ("highlights, 8 lights", "bivariate")}
@@ -254,7 +262,10 @@ def test_photographs_are_solved_by_all_that_apply(run, folder):
     rows = {row["method"]: row for row in done.record["rows"]}
     assert {row["problem"] for row in rows.values()} == {"capture"}
     assert rows["least-squares"]["error"]["mean_deg"] < 5
-    assert {name for name, row in rows.items() if row["declined"]} == {"response-bend", "bi-polynomial", "bivariate"}
+    lights = rows["least-squares"]["sizes"]["lights"]
+    demanding = {name for name, kind in NORMAL_SOLVERS.items() if kind.least_lights > lights}
+    assert {name for name, row in rows.items() if row["declined"]} == demanding
+    assert {"response-bend", "bi-polynomial", "bivariate"} <= demanding
     assert rows["bivariate"]["seconds"] is None
     (folder / "Normal_gt.mat").unlink(missing_ok=True)
     for truth in folder.glob("*ormal_gt*"):
@@ -275,3 +286,18 @@ def test_a_bar_that_begins_anew_forgets_how_fast_it_was(monkeypatch):
         (task,) = progress._drawn.tasks
         assert (task.completed, task.total) == (1, 4)
         assert len(task._progress) == 1  # one sample of speed, that of the new round
+
+
+def test_parts_of_a_suite_are_one_bar_that_only_rises():
+    from psstereo_cli.suites.parts import parts_of
+
+    seen = []
+    for part, rounds in zip(
+        parts_of(lambda *told: seen.append(told), "depth", [3.0, 0.5, 0.5]), (4, 1, 0), strict=True
+    ):
+        for done in range(1, rounds + 1):
+            part("anything", done, rounds)
+    stages, done, totals = zip(*seen, strict=True)
+    assert set(stages) == {"suite depth"}
+    assert set(totals) == {1000}
+    assert done == (188, 375, 562, 750, 875)

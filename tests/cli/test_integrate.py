@@ -17,7 +17,7 @@ from psstereo_synth import hills
 from tests.cli.capture_files import DEPTH, assert_one_message, everything, record_of, results, save_png
 from tests.unit.near.near_scenes import pinhole_sphere, ring, shoot
 
-FILES = DEPTH | {"normals.npy", "normals.png", "flags.npy", "elevation.tif", "run.json"}
+FILES = DEPTH | {"normals.npy", "normals.png", "flags.npy", "elevation.tif", "run.json", "report.html"}
 SURFACE = hills(48, 40, steepness=1.0)
 HEIGHT = np.where(SURFACE.mask, SURFACE.height, np.nan)
 NORMALS = np.where(SURFACE.mask[..., None], SURFACE.normals, np.nan)
@@ -74,6 +74,23 @@ def test_a_result_holds_what_the_contract_says(run, given):
         "depth (poisson)": True,
         "mesh": True,
     }
+
+
+def test_the_report_has_pictures_and_says_what_stays_free(run, given):
+    words = ("integrate", given / "n é.png", "--mask", given / "mask.png", "--relief", "0,4", "--curvature", 1)
+    done = run(*words, "-o", given / "reported", "--convention", "directx")
+    assert done.code == 0
+    page = (given / "reported" / "report.html").read_text(encoding="utf-8")
+    for key in ("normals", "depth", "relief", "curvature", "flags"):
+        assert f'id="picture-{key}"' in page
+    assert 'id="picture-albedo"' not in page  # nobody knows it, and the canvas says so
+    assert "the albedo being unknown" in page
+    assert "depth (poisson)" in page
+    assert record_of(given / "reported")["depth"]["free_constants"]["sentence"] in page
+    assert "Green seems to run the other way" in page
+    assert "http" not in page
+    assert run(*words, "-o", given / "bare", "--no-report").code == 0
+    assert not (given / "bare" / "report.html").exists()
 
 
 def test_a_person_is_told_what_was_used_and_what_stays_free(run, given):

@@ -40,6 +40,11 @@ def test_every_layout_with_lamps_is_solved(run, tmp_path, sphere, layout, unit):
     np.testing.assert_allclose(found[mask], depth[mask], rtol=5e-3)
     assert (tmp_path / "out" / "mesh.ply").is_file()
     assert {"normals (near-lamps)", "mesh"} <= {step["name"] for step in record["steps"]}
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert 'id="images"' in page
+    assert 'id="picture-residual"' in page
+    assert "The lamps, seen from the middle of the surface" in page
+    assert page.count("<title>") == 1 + len(capture.rig)
 
 
 def test_a_parallel_camera_of_known_pixel_size_is_solved(run, tmp_path):
@@ -57,6 +62,9 @@ def test_normals_only_and_a_named_solver(run, tmp_path, sphere):
     done = run("reconstruct", tmp_path / "in", "-o", tmp_path / "out", "--normals-only", "--json")
     assert done.code == 0, done.err
     assert done.record["depth"] is None
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert 'id="images"' in page
+    assert 'id="picture-residual"' not in page
     refused = run("reconstruct", tmp_path / "in", "-o", tmp_path / "other", "--solver", "least-squares")
     assert refused.code == 3
     assert "not a distant light" in refused.err

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from psstereo_cli.suites import planner
+from psstereo.errors import InputError
+from psstereo_cli.suites import planner, planner_predictions
 
 
 @pytest.fixture
@@ -93,12 +94,26 @@ def test_a_plan_is_not_replaced_unasked(run, folder, planned):
     assert run("plan", folder, "-o", path.parent / "none" / "plan.json").code == 3
 
 
-def test_the_regret_is_measured(run, monkeypatch):
+def test_the_regret_is_measured(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(planner, "SCENES", ("matte-sphere",))
     monkeypatch.setattr(planner, "CONFIGURATIONS", ("least-squares", "robust"))
+    monkeypatch.setattr(planner_predictions, "SCENES", ("matte-sphere",))
+    monkeypatch.setattr(planner_predictions, "SIDES", (24,))
+    monkeypatch.setattr(planner_predictions, "_command", lambda words, kept: run(*words, "--json").record)
     done = run("bench", "planner", "--size", "32x32", "--repeats", "1", "--threads", "1", "--json")
     assert done.code == 0
     assert done.record["table"]["columns"][4] == "regret"
     rows = {row[0]: row for row in done.record["table"]["rows"]}
     assert rows["matte-sphere"][1] == "least-squares"
     assert rows["matte-sphere"][4] == "none"
+    said = next(note for note in done.record["notes"] if note.startswith("Predicted over measured, matte-sphere 24x24"))
+    for part in ("read", "survey", "solve", "depth", "mesh", "total"):
+        assert f"{part} 0." in said
+    told = {one["method"] for one in done.record["rows"] if one["problem"] == "matte-sphere 24x24"}
+    assert told == {"predicted", "planned"}
+
+
+def test_a_command_that_fails_ends_the_predictions_with_its_words(tmp_path):
+    with pytest.raises(InputError, match="ended with the code 3"):
+        planner_predictions._command(["plan", str(tmp_path / "nowhere")], tmp_path)

@@ -2,7 +2,7 @@
 
 import os
 import re
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -162,6 +162,7 @@ def test_the_record_says_what_was_done(run, folder, tmp_path):
     assert done == {
         "linearisation": False,
         "dark level": False,
+        "flat field": False,
         "light strengths": False,
         "near lamps": False,
         "reading": True,
@@ -180,7 +181,7 @@ def test_the_record_says_what_was_done(run, folder, tmp_path):
 
 
 def test_a_person_is_told_what_was_used(run, folder, tmp_path):
-    done = run("reconstruct", folder, "-o", tmp_path / "out")
+    done = run("reconstruct", folder, "-o", tmp_path / "out", "--integrator", "poisson")
     assert done.out == ""
     for word in ("solvers tried", "poisson", "saturation gate", "shadow gate", "expected error", "flag SHADOWED"):
         assert word in done.text
@@ -239,14 +240,22 @@ def test_tiles_do_not_change_a_byte(run, tmp_path, gray):
     assert results(tmp_path / "whole") == results(tmp_path / "tiled")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Hasty(Poisson):
+    """Gives up after one iteration."""
+
+    max_iterations: int = 1
+
+
 def test_a_run_that_did_not_converge_ends_with_4_and_keeps_its_result(run, folder, tmp_path, monkeypatch):
-    monkeypatch.setitem(INTEGRATORS, "poisson", partial(Poisson, max_iterations=1))
-    done = run("reconstruct", folder, "-o", tmp_path / "out", "--json")
+    monkeypatch.setitem(INTEGRATORS, "poisson", Hasty)
+    poisson = ("--integrator", "poisson")
+    done = run("reconstruct", folder, "-o", tmp_path / "out", "--json", *poisson)
     assert done.code == 4
     assert done.record["depth"]["outcome"] == "not_converged"
     assert done.record["depth"]["iterations"] == 1
     assert {p.name for p in (tmp_path / "out").iterdir()} == ARRAYS | PICTURES | DEPTH | TIMED
-    told = run("reconstruct", folder, "-o", tmp_path / "out2")
+    told = run("reconstruct", folder, "-o", tmp_path / "out2", *poisson)
     assert told.code == 4
     assert "stopped at its limit" in told.text
     assert run("reconstruct", folder, "-o", tmp_path / "out3", "--normals-only").code == 0

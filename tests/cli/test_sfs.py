@@ -38,11 +38,20 @@ def test_a_photograph_becomes_a_result(run, given, tmp_path):
     assert told["light"] == told["albedo"] == "given"
     assert "assumed" in told.values()
     assert {"depth.npy", "mesh.ply", "flags.npy", "normals.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for key in ("image", "normals", "albedo", "depth"):
+        assert f'id="picture-{key}"' in page
+    for one in record["normals"]["assumptions"]:
+        assert f"<td>{one['name']}</td><td>{one['basis']}</td>" in page
+    assert 'id="relight"' in page
+    assert "http" not in page
+    assert "off the view</title>" in page  # where the light stands
 
 
 def test_what_is_not_given_is_estimated_and_said(run, given, tmp_path):
-    done = run("sfs", given / "hills.png", "-o", tmp_path / "out", *LIGHT, "--method", "eikonal")
+    done = run("sfs", given / "hills.png", "-o", tmp_path / "out", *LIGHT, "--method", "eikonal", "--no-report")
     assert done.code == 0
+    assert not (tmp_path / "out" / "report.html").exists()
     assert "estimated" in done.text
     assert "brightest part" in done.text
 

@@ -1,6 +1,7 @@
 """What every normal solver does not depend on: order, brightness, turns, what is left out, how pixels are split."""
 
 import pickle
+from functools import cache
 
 import numpy as np
 import pytest
@@ -53,10 +54,17 @@ def test_what_lies_outside_the_mask_does_not_matter(method):
     assert first.normals.tobytes() == second.normals.tobytes()
 
 
-def test_the_order_of_lights_is_irrelevant(method):
+@cache
+def settled(method):
+    """Return a capture and what the method finds in it, for all tests that change the one and look at the other."""
     capture = trial(method, 12, max_tilt=1.2, noise=0.01, steepness=1.5)
+    capture = with_images(capture, frames(capture))  # without absolute radiances: albedos follow the images
+    return capture, estimate_normals(capture, method())
+
+
+def test_the_order_of_lights_is_irrelevant(method):
+    capture, first = settled(method)
     order = np.random.default_rng(2).permutation(len(capture.rig))
-    first = estimate_normals(capture, method())
     swapped = with_images(capture, frames(capture)[order], rig=capture.rig.select(order))
     second = estimate_normals(swapped, method())
     np.testing.assert_allclose(second.normals, first.normals, rtol=0, atol=1e-11)
@@ -66,8 +74,7 @@ def test_the_order_of_lights_is_irrelevant(method):
 
 @pytest.mark.parametrize("factor", [2.0**-40, 2.0**30])
 def test_brightness_scales_the_albedo_only(method, factor):
-    capture = trial(method, 12, max_tilt=1.2, noise=0.01, steepness=1.5)
-    first = estimate_normals(with_images(capture, frames(capture)), method())
+    capture, first = settled(method)
     second = estimate_normals(with_images(capture, frames(capture) * factor), method())
     assert second.normals.tobytes() == first.normals.tobytes()  # powers of two are exact
     assert second.uncertainty.tobytes() == first.uncertainty.tobytes()
@@ -75,11 +82,10 @@ def test_brightness_scales_the_albedo_only(method, factor):
 
 
 def test_a_quarter_turn_of_the_picture_turns_the_normals(method):
-    capture = trial(method, 12, max_tilt=1.2, noise=0.01, steepness=1.5)
+    capture, first = settled(method)
     images = np.rot90(frames(capture), axes=(1, 2)).copy()
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     rig = Rig.distant(capture.rig.directions @ quarter.T, capture.rig.strengths(1))
-    first = estimate_normals(capture, method())
     second = estimate_normals(with_images(capture, images, rig=rig, mask=np.rot90(capture.mask).copy()), method())
     np.testing.assert_allclose(second.normals, np.rot90(first.normals) @ quarter.T, rtol=0, atol=1e-11)
 
@@ -162,8 +168,7 @@ def test_a_weight_of_zero_leaves_an_observation_out(method):
 
 
 def test_equal_weights_are_no_weights(method):
-    capture = trial(method, 12, max_tilt=1.2, noise=0.01, steepness=1.5)
-    plain = estimate_normals(capture, method())
+    capture, plain = settled(method)
     weighted = estimate_normals(capture, method(), weights=np.full((len(capture.rig), 32, 32), 0.125))
     np.testing.assert_allclose(weighted.normals, plain.normals, rtol=0, atol=1e-11)
     np.testing.assert_array_equal(weighted.flags, plain.flags)

@@ -67,7 +67,7 @@ def test_suns_and_lamps_at_16_samples(make, pinhole, light):
     Every two of surface, camera and light come together in one case.
     """
     surface = make()
-    made = scene(surface, light, 320, pinhole=pinhole)
+    made = scene(surface, light, 256, pinhole=pinhole)
     here, there = ours(made), MitsubaTwin(made).render(light, samples=16).mean[..., 0]
     compared = inner(here, there)
     assert compared.mean() > 0.3
@@ -91,7 +91,7 @@ def test_suns_and_lamps_at_16_samples(make, pinhole, light):
 )
 def test_area_lights_within_three_standard_errors(make, light, pinhole, beams):
     """At least 99.5 % of pixels, penumbrae among them; chance alone leaves 99.7 %."""
-    made = scene(make(), light, 112, pinhole=pinhole, beams=beams)
+    made = scene(make(), light, 72, pinhole=pinhole, beams=beams)
     here, found = ours(made), MitsubaTwin(made).render(light, samples=256, moments=True)
     there = found.mean[..., 0]
     compared = binary_erosion((here > 0) & (there > 0), np.ones((3, 3)), iterations=2)

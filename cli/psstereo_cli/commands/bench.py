@@ -10,6 +10,8 @@ from psstereo_cli.suites.catalogue import SUITES, TAKE_A_FOLDER, suite_named
 
 __all__ = ["bench"]
 
+_LIGHTS = 96
+
 
 def bench(
     suite: Annotated[
@@ -24,7 +26,7 @@ def bench(
     ] = None,
     lights: Annotated[
         int, typer.Option(min=3, max=500, help="Images of the suites reading, forward, solvers and normals.")
-    ] = 96,
+    ] = _LIGHTS,
     folder: Annotated[
         Path | None,
         typer.Option(
@@ -38,7 +40,10 @@ def bench(
     ] = None,
     plots: Annotated[
         Path | None,
-        typer.Option(help="Folder for bench.json and plots (SVG and PNG): error against time and what varies, growth."),
+        typer.Option(
+            help="Folder for bench.json, plots (SVG and PNG: error against time and what varies, growth), and"
+            " report.html with all of it."
+        ),
     ] = None,
     overwrite: Overwrite = False,
     as_json: Json = False,
@@ -76,14 +81,24 @@ def bench(
     if plots is not None:
         from psstereo.bench.plots import draw
 
-        files = write_bench(plots, content, draw(chosen, summaries, sweeps), overwrite=overwrite)
+        command = _command(chosen, repeats, size, lights, folder, count)
+        files = write_bench(plots, content, draw(chosen, summaries, sweeps), command=command, overwrite=overwrite)
     if as_json:
         del content["facts"]
         print_json({**content, "repeats": repeats, **facts, **({"files": files} if files else {})})
         return
-    print_bench(chosen, baseline, summaries, facts, sweeps=sweeps, threads=count, repeats=repeats)
+    print_bench(content)
     if files:
         say(f"Written to {plots}: {', '.join(files)}")
+
+
+def _command(suite: str, repeats: int, size: str | None, lights: int, folder: Path | None, threads: int) -> str:
+    """Return the command by which anyone measures the same again; it names no place on this machine."""
+    words = ["psstereo bench", suite, f"--repeats {repeats}", f"--threads {threads}"]
+    words += [] if size is None else [f"--size {size}"]
+    words += [] if lights == _LIGHTS else [f"--lights {lights}"]
+    words += [] if folder is None else ["--folder DATA"]
+    return " ".join([*words, "--plots FOLDER"])
 
 
 def _one_name(argument: str | None, option: str | None) -> str:

@@ -77,10 +77,11 @@ def integrate(
         str | None,
         typer.Option(
             help="Bound for the arrays, such as 2GB. A normal map that needs more is integrated in tiles from file to"
-            " file: an .npy file, integrator poisson; only the depth is written."
+            " file: an .npy file, integrator poisson; only the depth is written, without a report."
         ),
     ] = None,
     threads: Threads = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Leave report.html out.")] = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -100,7 +101,7 @@ def integrate(
 
     from psstereo.depth.given_normals import integrate_normals
     from psstereo.io import read_mask, read_normal_map
-    from psstereo.io.atomic import require_free
+    from psstereo.io.atomic import new_folder, require_free
     from psstereo.io.result_folder import write_integration
     from psstereo.io.uncertainty_file import read_uncertainty
     from psstereo_cli.cameras import described_camera
@@ -111,6 +112,7 @@ def integrate(
     from psstereo_cli.integration_record import integration_record, warnings_about
     from psstereo_cli.known_depth import load_prior
     from psstereo_cli.large import integrate_large, too_large
+    from psstereo_cli.reporting import integration_report
     from psstereo_cli.settings import build_integrator
 
     require_free(out, overwrite=overwrite)  # told before the work, not after it
@@ -157,16 +159,19 @@ def integrate(
         warnings=warnings_about(result.normals, camera, convention),
         seconds=reading,
     )
-    write_integration(
-        out,
-        result.normals,
-        result.flags,
-        depth=result.depth,
-        mesh=result.mesh,
-        derived=derived,
-        record=record,
-        overwrite=overwrite,
-    )
+    page = None if no_report else integration_report(result, derived, record)
+    with new_folder(out, overwrite=overwrite) as work:  # so that the page is there as soon as the rest is
+        write_integration(
+            work,
+            result.normals,
+            result.flags,
+            depth=result.depth,
+            mesh=result.mesh,
+            derived=derived,
+            record=record,
+        )
+        if page is not None:
+            (work / "report.html").write_text(page, encoding="utf-8", errors="backslashreplace")
     _tell(out, record, converged=result.depth.outcome.converged, as_json=as_json)
 
 

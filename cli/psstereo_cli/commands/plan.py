@@ -5,7 +5,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from psstereo_cli.options import Format, Json, Lights, LightsLayout, Mask, Overwrite, Threads
+from psstereo_cli.options import (
+    Binning,
+    Crop,
+    FlatFrame,
+    Format,
+    Json,
+    LensFile,
+    Lights,
+    LightsLayout,
+    Mask,
+    Overwrite,
+    Register,
+    ResponseCurve,
+    RigOption,
+    Threads,
+)
 
 if TYPE_CHECKING:
     from psstereo.plan.facts import Facts
@@ -25,11 +40,18 @@ def plan(
     layout: Format = None,
     lights: Lights = None,
     lights_layout: LightsLayout = None,
+    rig: RigOption = None,
     mask: Mask = None,
     gray: Annotated[str, typer.Option(help="How channels become one value, as for psstereo reconstruct.")] = "mean",
     ambient: Annotated[
         Path | None, typer.Option(help="Photograph without any of the lights, to subtract; `.npy` holds linear values.")
     ] = None,
+    response: ResponseCurve = None,
+    flat: FlatFrame = None,
+    lens: LensFile = None,
+    crop: Crop = None,
+    register: Register = None,
+    size: Binning = 1,
     normals_only: Annotated[bool, typer.Option("--normals-only", help="Leave depth and mesh out.")] = False,
     everything: Annotated[
         bool, typer.Option("--nothing-left-out", help="Plan every stage that applies, needed or not.")
@@ -51,6 +73,7 @@ def plan(
     from psstereo_cli.console import print_json, progress_bars, say
     from psstereo_cli.execution import available_threads, keep_freed_memory, parse_size, threaded
     from psstereo_cli.loading import load_capture
+    from psstereo_cli.reading import ReadingOptions
     from psstereo_cli.record import finite
 
     keep_freed_memory()
@@ -66,8 +89,10 @@ def plan(
             layout=layout,
             lights=lights,
             lights_layout=lights_layout,
+            rig=rig,
             mask=mask,
             ambient=ambient,
+            reading=ReadingOptions(response=response, flat=flat, lens=lens, crop=crop, register=register, size=size),
             truth=False,
             over=over,
             progress=progress,

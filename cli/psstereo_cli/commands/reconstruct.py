@@ -6,14 +6,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from psstereo_cli.options import (
+    Binning,
+    Crop,
+    FlatFrame,
     Format,
     Json,
+    LensFile,
     LightsLayout,
     Mask,
     Overwrite,
     PriorFile,
     PriorSigma,
     PriorUnit,
+    Register,
+    ResponseCurve,
     RigOption,
     Threads,
 )
@@ -73,6 +79,12 @@ def reconstruct(
             " `--solver ambient` finds the level of each pixel."
         ),
     ] = None,
+    response: ResponseCurve = None,
+    flat: FlatFrame = None,
+    lens: LensFile = None,
+    crop: Crop = None,
+    register: Register = None,
+    size: Binning = 1,
     clip: Annotated[
         float | None, typer.Option(help="Upper bound for brightness over light strength; published baselines use 1.")
     ] = None,
@@ -175,6 +187,7 @@ def reconstruct(
     from psstereo_cli.execution import available_threads, keep_freed_memory, parse_size, threaded
     from psstereo_cli.known_depth import load_prior
     from psstereo_cli.loading import load_capture
+    from psstereo_cli.reading import ReadingOptions
     from psstereo_cli.telling import tell
 
     keep_freed_memory()
@@ -203,6 +216,7 @@ def reconstruct(
             rig=rig,
             mask=mask,
             ambient=ambient,
+            reading=ReadingOptions(response=response, flat=flat, lens=lens, crop=crop, register=register, size=size),
             truth=False,
             over=over,
             progress=progress,

@@ -81,6 +81,7 @@ def sfs(
         str, typer.Option(help="How channels become one: mean, r, g, b, bt601, bt709, or weights.")
     ] = "mean",
     threads: Threads = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Leave report.html out.")] = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -101,6 +102,7 @@ def sfs(
     from psstereo_cli.console import progress_bars
     from psstereo_cli.execution import available_threads
     from psstereo_cli.inputs import require_outside
+    from psstereo_cli.reporting import shading_report
     from psstereo_cli.settings import build_shading_method
     from psstereo_cli.shading_record import shading_record
 
@@ -120,7 +122,8 @@ def sfs(
         components=result.depth.components,
     )
     record = shading_record(image.name, shaded, result, mesh, notes)
-    write_result(out, result.normals, depth=result.depth, mesh=mesh, record=record, overwrite=overwrite)
+    page = None if no_report else shading_report(shaded, result, record)
+    write_result(out, result.normals, depth=result.depth, mesh=mesh, record=record, report=page, overwrite=overwrite)
     _tell(out, record, converged=result.normals.outcome.converged, as_json=as_json)
 
 

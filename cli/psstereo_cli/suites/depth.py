@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from psstereo_cli.suites.parts import parts_of
 from psstereo_cli.suites.size import dimensions
 
 if TYPE_CHECKING:
@@ -41,20 +42,24 @@ def depth(
     integrators = {name: kind(threads=threads) for name, kind in INTEGRATORS.items() if kind.any_domain}
     records: list[Record] = []
     notes: list[str] = []
-    measure = partial(_measure, repeats=repeats, progress=progress)
+    sides = _GROWTH if size is None else ()
+    parts = parts_of(progress, "depth", [1.0] * (len(RELIEFS) + 1 + len(sides) + len(places)))
+    measure = partial(_measure, repeats=repeats)
     for kind in RELIEFS:
         surface = relieved(kind, width, height)
         methods = {name: partial(_integrate, method, surface) for name, method in integrators.items()}
-        records += measure(kind, methods | (_others(surface, notes) if kind == "smooth" else {}), surface)
+        records += measure(
+            kind, methods | (_others(surface, notes) if kind == "smooth" else {}), surface, progress=next(parts)
+        )
     rectangle = relieved("smooth", width, height, whole=True)
-    records += measure("rectangle", _on_rectangles(rectangle, threads), rectangle)
-    for side in _GROWTH if size is None else ():
+    records += measure("rectangle", _on_rectangles(rectangle, threads), rectangle, progress=next(parts))
+    for side in sides:
         disc = relieved("smooth", side, side)
         method = {"poisson": partial(_integrate, Poisson(threads=threads), disc)}
-        records += _measure(f"disc {side}", method, disc, repeats=min(repeats, 3), progress=progress)
+        records += _measure(f"disc {side}", method, disc, repeats=min(repeats, 3), progress=next(parts))
     chosen = {"poisson": Poisson(threads=threads), "discontinuity": Discontinuity(threads=threads)}
     for place in places:
-        records += _photographed(place, chosen, repeats, progress)
+        records += _photographed(place, chosen, repeats, next(parts))
     return records, "poisson", {"sizes": {"width": width, "height": height}, "notes": notes, "table": _table(records)}
 
 

@@ -1,9 +1,11 @@
 """Suite normals: error against time of every solver, and its error over noise, lights and the cone they fill."""
 
 import math
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from psstereo_cli.suites.parts import parts_of
 from psstereo_cli.suites.size import dimensions
 
 if TYPE_CHECKING:
@@ -14,18 +16,25 @@ if TYPE_CHECKING:
 __all__ = ["CONES", "LIGHTS", "NOISES", "SCENES", "gallery_problem", "normals"]
 
 SCENES = ("glossy", "metallic")
-"""Scenes of the gallery, beside the matte ones that are made here and the one with highlights."""
+"""Scenes of the gallery, beside the matte ones that are made here and the one with highlights; also under few lights.
+"""
 NOISES = (0.001, 0.003, 0.01, 0.03, 0.1)
 """Standard deviation of the noise over the brightness of a white pixel that faces its light."""
 LIGHTS = (4, 8, 16, 32, 64, 96)
+SIDES = (1, 2, 4)
+"""Sides of the images over which time is looked at, as multiples of those of the series."""
 CONES = (60.0, 30.0, 10.0, 5.0, 2.0, 1.0)
 """Largest angle between a light and the view [deg]."""
 _SIZE, _SWEEP_SIZE = "128x96", "64x48"
 _SWEEP_LIGHTS = 24
 _SWEEP_NOISE = 0.003
+_ROUNDS = 3
+"""Rounds at most over sizes of images."""
+_LARGE = 8.0
+"""About how much longer a problem takes than one of a series."""
 
-_Case = tuple[str, str, str, dict[float, "Problem"]]
-"""Title, axis, unit and problems by what varies."""
+_Case = tuple[str, str, str, str, dict[float, "Problem"]]
+"""Title, axis, unit, what is looked at, and problems by what varies."""
 
 
 def normals(
@@ -41,25 +50,26 @@ def normals(
     methods = {name: kind() for name, kind in NORMAL_SOLVERS.items()}
     problems = solver_problems(width, height, lights)
     problems += [gallery_problem(name, (height, width), lights) for name in SCENES]
-    records = run_solvers("normals", problems, methods, repeats=repeats, over=over, progress=progress)
-    sweeps: list[Sweep] = []
     cases = _cases(dimensions(size or _SWEEP_SIZE))
-    everything = [problem for *_, case in cases for problem in case.values()]
-    records += run_solvers(
-        "normals",
-        everything,
-        methods,
-        repeats=1,
-        warm_up=False,
-        over=over,
-        progress=lambda _stage, done, total: progress("suite normals, sweeps", done, total),
-    )
-    for title, axis, unit, case in cases:
+    # Errors are the same in every round; times are not.
+    rounds = {"error": 1, "seconds": min(repeats, _ROUNDS)}
+    series = {
+        kind: [problem for *_, what, case in cases if what == kind for problem in case.values()] for kind in rounds
+    }
+    weights = [_LARGE * (repeats + 1) * len(problems), *(rounds[kind] * len(found) for kind, found in series.items())]
+    parts = parts_of(progress, "normals", weights)
+    records = run_solvers("normals", problems, methods, repeats=repeats, over=over, progress=next(parts))
+    sweeps: list[Sweep] = []
+    for kind, found in series.items():
+        records += run_solvers(
+            "normals", found, methods, repeats=rounds[kind], warm_up=False, over=over, progress=next(parts)
+        )
+    for title, axis, unit, measure, case in cases:
         values = {problem.name: value for value, problem in case.items()}
-        sweeps.append(Sweep(title=title, axis=axis, unit=unit, values=values))
+        sweeps.append(Sweep(title=title, axis=axis, unit=unit, values=values, measure=measure))
     notes = [
-        f"{width} × {height} pixels, {lights} lights; the series below have one round each, so their times count for"
-        " little.",
+        f"{width} × {height} pixels, {lights} lights; the series of errors have one round each, so their times count"
+        " for little.",
         "Times include fetching the samples, which costs every solver the same.",
     ]
     return records, "least-squares", {"sweeps": sweeps, "notes": notes}
@@ -73,12 +83,21 @@ def _cases(shape: tuple[int, int]) -> list[_Case]:
         100 * noise: matte(noise=noise, name=f"noise of {100 * noise:g} %") for noise in NOISES
     }
     by_cone: dict[float, Problem] = {cone: matte(cone=cone, name=f"lights to {cone:g}°") for cone in CONES}
+    by_size: dict[float, Problem] = {
+        side * side * shape[0] * shape[1]: _hills(
+            (side * shape[0], side * shape[1]), name=f"noise, {side * shape[0]} × {side * shape[1]}"
+        )
+        for side in SIDES
+    }
     noise = f"noise of {100 * _SWEEP_NOISE:g} %"
+    scenes = [(f"{name}, a scene of the gallery", "lights", "", "error", _scene(name, shape)) for name in SCENES]
     return [
-        (f"matte, {_SWEEP_LIGHTS} lights to 60°", "noise", "%", by_noise),
-        (f"matte, {noise}", "lights", "", by_count),
-        ("highlights, no noise", "lights", "", shiny),
-        (f"matte, {_SWEEP_LIGHTS} lights, {noise}", "cone half-angle", "°", by_cone),
+        (f"matte, {_SWEEP_LIGHTS} lights to 60°", "noise", "%", "error", by_noise),
+        (f"matte, {noise}", "lights", "", "error", by_count),
+        ("highlights, no noise", "lights", "", "error", shiny),
+        *scenes,
+        (f"matte, {_SWEEP_LIGHTS} lights, {noise}", "cone half-angle", "°", "error", by_cone),
+        (f"matte, {_SWEEP_LIGHTS} lights, {noise}", "pixels", "px", "seconds", by_size),
     ]
 
 
@@ -103,6 +122,12 @@ def _hills(
         return lambertian_capture(surface, checker((height, width)), directions, noise=noise)
 
     return Problem(name=name, summary="matte hills, 16 bit", make=make)
+
+
+def _scene(name: str, shape: tuple[int, int]) -> "dict[float, Problem]":
+    width, height = shape
+    found = {count: gallery_problem(name, (height, width), count) for count in LIGHTS}
+    return {count: replace(problem, name=f"{name}, {count} lights") for count, problem in found.items()}
 
 
 def _highlights(shape: tuple[int, int], count: int) -> "Problem":

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from psstereo_cli.suites.parts import parts_of
 from psstereo_cli.suites.size import dimensions
 
 if TYPE_CHECKING:
@@ -27,10 +28,11 @@ def quick(
 ) -> tuple[list["Record"], None, dict[str, Any]]:
     """Measure each part of the toolkit on something small."""
     shape = dimensions(size or _SIZE)
-    records = _normals(shape, repeats, over, progress)
-    records += _depth(shape, repeats, threads, progress)
-    records += _shading(min(_SHADED_SIDE, *shape), repeats, threads, progress)
-    records += _reading(shape, repeats, over, progress)
+    parts = parts_of(progress, "quick", [3.0, 1.0, 3.0, 1.0])
+    records = _normals(shape, repeats, over, next(parts))
+    records += _depth(shape, repeats, threads, next(parts))
+    records += _shading(min(_SHADED_SIDE, *shape), repeats, threads, next(parts))
+    records += _reading(shape, repeats, over, next(parts))
     notes = [
         f"Small images ({shape[0]} × {shape[1]}) show fixed costs more than growth; see the suite scaling for that."
     ]
@@ -44,11 +46,7 @@ def _normals(shape: tuple[int, int], repeats: int, over: "Map", progress: "Progr
 
     methods = {name: NORMAL_SOLVERS[name]() for name in _SOLVERS}
     problems = solver_problems(*shape, _LIGHTS)
-    return run_solvers("quick", problems, methods, repeats=repeats, over=over, progress=_part(progress, "normals"))
-
-
-def _part(progress: "Progress", what: str) -> "Progress":
-    return lambda _stage, done, total: progress(f"suite quick, {what}", done, total)
+    return run_solvers("quick", problems, methods, repeats=repeats, over=over, progress=progress)
 
 
 def _depth(shape: tuple[int, int], repeats: int, threads: int, progress: "Progress") -> list["Record"]:
@@ -68,9 +66,7 @@ def _depth(shape: tuple[int, int], repeats: int, threads: int, progress: "Progre
         for method in (Poisson(threads=threads), Discontinuity(threads=threads))
     }
     sizes = {"pixels": int(surface.mask.sum())}
-    return run_timed(
-        "quick", "cliff", work, repeats=repeats, sizes=sizes, score=score, progress=_part(progress, "depth")
-    )
+    return run_timed("quick", "cliff", work, repeats=repeats, sizes=sizes, score=score, progress=progress)
 
 
 def _shading(side: int, repeats: int, threads: int, progress: "Progress") -> list["Record"]:
@@ -96,7 +92,7 @@ def _shading(side: int, repeats: int, threads: int, progress: "Progress") -> lis
         repeats=repeats,
         sizes={"pixels": int(problem.image.inside.sum())},
         score=score,
-        progress=_part(progress, "one image"),
+        progress=progress,
     )
 
 
@@ -135,6 +131,4 @@ def _reading(shape: tuple[int, int], repeats: int, over: "Map", progress: "Progr
             ),
         }
         sizes = {"lights": _READ_LIGHTS, "width": width, "height": height}
-        return run_timed(
-            "quick", "folder", work, repeats=repeats, sizes=sizes, score=score, progress=_part(progress, "folder")
-        )
+        return run_timed("quick", "folder", work, repeats=repeats, sizes=sizes, score=score, progress=progress)

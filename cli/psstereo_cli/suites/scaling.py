@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from psstereo_cli.suites.parts import parts_of
 from psstereo_cli.suites.size import dimensions
 
 if TYPE_CHECKING:
@@ -41,14 +42,13 @@ def scaling(
     records: list[Record] = []
     sweeps: list[Sweep] = []
     series = [*_by_pixels(width, height), _by_lights(width // 4, height // 4), _by_steps(width // 8, height // 8)]
-    for done, (title, axis, unit, makers) in enumerate(series):
+    parts = parts_of(progress, "scaling", [1.0] * len(series))
+    for (title, axis, unit, makers), part in zip(series, parts, strict=True):
         names = {value: f"{title}, {value:g} {axis}" for value in makers}
         jobs = {(value, method): work for value, make in makers.items() for method, work in make().items()}
         # All sizes take turns, so that a machine that slows down does not look like growth.
         turns = {f"{value:g} {method}": work for (value, method), work in jobs.items()}
-        found = run_timed(
-            "scaling", title, turns, repeats=repeats, sizes={}, progress=_share(progress, done, len(series))
-        )
+        found = run_timed("scaling", title, turns, repeats=repeats, sizes={}, progress=part)
         places = {f"{value:g} {method}": (value, method) for value, method in jobs}
         for record in found:
             value, method = places[record.method]
@@ -60,11 +60,6 @@ def scaling(
         f"Images are in memory; {_FIXED_LIGHTS} lights where pixels or iterations vary.",
     ]
     return records, None, {"sweeps": sweeps, "notes": notes}
-
-
-def _share(progress: "Progress", done: int, of: int) -> "Progress":
-    """Turn the progress of one series into that of the suite, in thousandths."""
-    return lambda _stage, n, total: progress("suite scaling", (1000 * done + 1000 * n // total) // of, 1000)
 
 
 def _sides(width: int, height: int) -> list[tuple[int, int]]:

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from psstereo_cli.suites.parts import parts_of
 from psstereo_cli.suites.size import dimensions
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ def sfs(
     from psstereo_synth.shading_problems import SHADED, shaded
 
     side = min(dimensions(size or _SIZE))
+    growth = [(method, length) for method, sides in _GROWTH.items() if size is None for length in sides]
+    parts = parts_of(progress, "sfs", [1.0] * (len(SHADED) + len(growth)) + [4.0] * (folder is not None))
     records: list[Record] = []
     for name in SHADED:
         problem = shaded(name, side)
@@ -50,23 +53,22 @@ def sfs(
             if side * side <= _LARGEST.get(kind.name, side * side):
                 work |= _attempts(kind(threads=threads), problem)
         score = partial(_score, problem)
-        records += run_timed("sfs", name, work, repeats=repeats, sizes=pixels, score=score, progress=progress)
-    for method, sides in _GROWTH.items() if size is None else ():
-        for length in sides:
-            problem = shaded("four hills", length)
-            found = _attempts(SHADING_METHODS[method](threads=threads), problem)
-            label, attempt = next(iter(found.items()))
-            records += run_timed(
-                "sfs",
-                f"{length} × {length}",
-                {label: attempt},
-                repeats=min(repeats, 3),
-                sizes={"pixels": length * length},
-                score=partial(_score, problem),
-                progress=progress,
-            )
+        records += run_timed("sfs", name, work, repeats=repeats, sizes=pixels, score=score, progress=next(parts))
+    for method, length in growth:
+        problem = shaded("four hills", length)
+        found = _attempts(SHADING_METHODS[method](threads=threads), problem)
+        label, attempt = next(iter(found.items()))
+        records += run_timed(
+            "sfs",
+            f"{length} × {length}",
+            {label: attempt},
+            repeats=min(repeats, 3),
+            sizes={"pixels": length * length},
+            score=partial(_score, problem),
+            progress=next(parts),
+        )
     if folder is not None:
-        records += _photographs(folder, threads, repeats, over, progress)
+        records += _photographs(folder, threads, repeats, over, next(parts))
     notes = ["Heights are scored after the mean is removed, as shares of the surface's range; normals in degrees."]
     return records, None, {"notes": notes, "table": _table(records)}
 
@@ -139,7 +141,7 @@ def _photographs(folder: Path, threads: int, repeats: int, over: "Map", progress
             given=f"{folder} holds no folder.", needed="A folder of captures.", remedy="Name it with --folder."
         )
     records: list[Record] = []
-    for place in places:
+    for place, part in zip(places, parts_of(progress, "sfs", [1.0] * len(places)), strict=True):
         capture, _ = read_capture(place)
         if capture.mask is None:
             capture = replace(capture, mask=mask_from_brightness(capture.stack, over=over))
@@ -162,7 +164,7 @@ def _photographs(folder: Path, threads: int, repeats: int, over: "Map", progress
         }
         work["flat"] = partial(_flat, image)
         sizes = {"pixels": int(image.inside.sum())}
-        records += run_timed("sfs", place.name, work, repeats=repeats, sizes=sizes, score=score, progress=progress)
+        records += run_timed("sfs", place.name, work, repeats=repeats, sizes=sizes, score=score, progress=part)
     return records
 
 

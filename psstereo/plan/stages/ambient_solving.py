@@ -3,8 +3,8 @@
 from typing import ClassVar
 
 from psstereo.normals.ambient import AmbientLeastSquares
+from psstereo.normals.sky import SkyLeastSquares
 from psstereo.plan.facts import Facts
-from psstereo.plan.stage import Skip, Use
 from psstereo.plan.stages.models import ModelStage
 
 __all__ = ["AmbientSolving"]
@@ -15,7 +15,7 @@ class AmbientSolving(ModelStage):
 
     name: ClassVar[str] = "ambient solving"
     summary: ClassVar[str] = "find the ambient light of each pixel"
-    solvers: ClassVar[tuple[str, ...]] = (AmbientLeastSquares.name,)
+    solvers: ClassVar[tuple[str, ...]] = (AmbientLeastSquares.name, SkyLeastSquares.name)
     needless: ClassVar[str] = "Nothing speaks for light that all images share."
 
     def figure(self, facts: Facts) -> str:
@@ -23,8 +23,3 @@ class AmbientSolving(ModelStage):
         if facts.ambient is None or facts.ambient_error is None:
             return super().figure(facts)
         return f"level {facts.ambient:.2%} ± {facts.ambient_error:.2%} of the albedo"
-
-    def whole(self, facts: Facts) -> Use | Skip:
-        """Leave it to the bent response, which has an ambient level as well; see :meth:`Stage.whole`."""
-        del facts
-        return Skip(reason="A bent response has an ambient level as well, and robust fits are told from it.")

@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from psstereo.capture import Capture
-from psstereo.plan.choice import choose_by_facts
+from psstereo.plan.choice import choose_by_facts, choose_whole
 from psstereo.plan.costs import COSTS
 from psstereo.plan.facts import Facts
 from psstereo.plan.options import Options
@@ -26,6 +26,10 @@ class CompiledKernels(Stage):
     def asked(self, options: Options, facts: Facts) -> Use | Skip | None:
         """Decide for a named solver; see :meth:`Stage.asked`."""
         return None if options.solver is None else self._by_work(options.solver.name, facts)
+
+    def whole(self, facts: Facts) -> Use | Skip:
+        """Do it where the work of the solver that is taken then is more than loading; see :meth:`Stage.whole`."""
+        return self._by_work(choose_whole(facts).solver, facts)
 
     @staticmethod
     def _by_work(solver: str, facts: Facts) -> Use | Skip:

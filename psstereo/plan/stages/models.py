@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from psstereo.capture import Capture
 from psstereo.method_options import configure, settings_of
 from psstereo.normals import NORMAL_SOLVERS, LeastSquares, NormalSolver
-from psstereo.plan.choice import choose_by_facts
+from psstereo.plan.choice import Choice, choose_by_facts, choose_whole
 from psstereo.plan.facts import Facts
 from psstereo.plan.options import Options
 from psstereo.plan.stage import Decision, Skip, Stage, Use, refuse
@@ -57,9 +57,15 @@ class ModelStage(Stage):
 
     def decide(self, facts: Facts) -> Use | Skip:
         """Do it if the best solver is one of this stage's; see :meth:`Stage.decide`."""
+        return self._follow(choose_by_facts(facts), facts)
+
+    def whole(self, facts: Facts) -> Use | Skip:
+        """Do it if the richest of the solvers that agree is one of this stage's; see :meth:`Stage.whole`."""
+        return self._follow(choose_whole(facts), facts)
+
+    def _follow(self, choice: Choice, facts: Facts) -> Use | Skip:
         if facts.lamps:
             return Skip(reason="Lamps near the surface have a method of their own.")
-        choice = choose_by_facts(facts)
         if choice.solver in self.solvers:
             return Use(reason=choice.reason, figure=choice.figure, options={"solver": choice.solver})
         if choice.solver != LeastSquares.name:
@@ -69,7 +75,7 @@ class ModelStage(Stage):
     def figure(self, facts: Facts) -> str:
         """Return what the stage's own trial says."""
         tried = [one for one in facts.trials if one.solver in self.solvers]
-        return ", ".join(f"{one.solver} {one.change_deg:.2g}°" for one in tried)
+        return ", ".join(f"{one.solver} {one.doubt_deg:.2g}°" for one in tried)
 
     def asked(self, options: Options, facts: Facts) -> Use | Skip | None:
         """Return what a named solver means for this stage; see :meth:`Stage.asked`."""

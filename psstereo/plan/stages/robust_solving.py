@@ -4,11 +4,9 @@ from typing import ClassVar
 
 from psstereo.normals import Robust
 from psstereo.normals.low_rank import LowRank
-from psstereo.normals.response_bend import ResponseBend
 from psstereo.normals.sparse_bayesian import SparseBayesian
 from psstereo.normals.trimmed import Trimmed
 from psstereo.plan.facts import Facts
-from psstereo.plan.stage import Skip, Use
 from psstereo.plan.stages.models import ModelStage
 
 __all__ = ["RobustSolving"]
@@ -27,9 +25,3 @@ class RobustSolving(ModelStage):
         if facts.bright_outliers is None or facts.dark_outliers is None:
             return ""
         return f"{facts.bright_outliers:.2%} too bright, {facts.dark_outliers:.2%} too dark"
-
-    def whole(self, facts: Facts) -> Use | Skip:
-        """Do it from eight lights on, unless the bent response does it as well; see :meth:`Stage.whole`."""
-        if facts.lamps or facts.images < Robust.pays_from or facts.images >= ResponseBend.pays_from:
-            return Skip(reason="It is done by the method that is used, or there are too few lights for it.")
-        return Use(reason="Nothing was to be left out.", options={"solver": Robust.name})

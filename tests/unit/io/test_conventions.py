@@ -2,7 +2,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -39,6 +39,7 @@ def test_axes_are_where_the_program_puts_them(name, right, up, near):
 
 
 @pytest.mark.parametrize(("source", "target"), list(itertools.product(CONVENTIONS, repeat=2)))
+@settings(max_examples=10)
 @given(vectors=some)
 def test_every_pair_comes_back_exactly(source, target, vectors):
     there = convert_frame(vectors, source, target)

@@ -226,7 +226,8 @@ def test_the_deviation_of_the_distance_holds():
     found, promised = [], []
     for seed in range(8):
         capture = shoot(camera, depth, normals, mask, ring(), noise=0.05, seed=seed)
-        result = solve_near(capture)
+        # Begun nearby, since where it begins is other tests' matter; eight searches would take half of the time.
+        result = solve_near(capture, NearOptions(distance=650.0))
         found.append(np.nanmedian(result.depth.depth) / np.nanmedian(depth) - 1)
         promised.append(result.depth.facts["distance_deviation"] / np.nanmedian(depth))
     assert 0.3 < np.std(found) / np.mean(promised) < 3

@@ -10,11 +10,13 @@ from psstereo.normals import (
     Robust,
     bipolynomial,
     bivariate,
+    exemplar,
     response_bend,
     robust,
     sparse_bayesian,
 )
 from psstereo.plan.choice import choose_by_facts
+from psstereo.plan.contestants import CONTESTANTS
 from psstereo.plan.costs import COSTS
 from psstereo.plan.facts import Facts
 from psstereo.plan.options import Options
@@ -32,7 +34,7 @@ MATTE = Facts(
 
 def tried(**changes):
     trials = tuple(
-        Trial(solver=name.replace("_", "-"), change_deg=change, pixels=100, seconds=0.01)
+        Trial(solver=name.replace("_", "-"), change_deg=change, apart_deg=change, pixels=100, seconds=0.01)
         for name, change in changes.items()
     )
     return replace(MATTE, misfit=0.5, trials=trials)
@@ -57,15 +59,28 @@ def test_few_lights_need_none_either():
         # as good within a twentieth: the quicker one
         ({"robust": 1.03, "bivariate": 1.0}, "robust"),
         ({"robust": 1.2, "bivariate": 1.0}, "bivariate"),
-        ({"robust": 0.03, "bivariate": 0.015}, "robust"),
+        ({"robust": 0.03, "bivariate": 0.015}, "bivariate"),
+        ({"robust": 0.0012, "bivariate": 0.0006}, "robust"),
         # where Lambert's law is broken, least squares moves less than it errs
         ({"least_squares": 0.8, "robust": 1.0}, "robust"),
-        ({"least_squares": 0.4, "robust": 1.0}, "least-squares"),
-        ({"ambient": 0.4, "robust": 1.0}, "ambient"),
+        ({"least_squares": 0.6, "robust": 1.0}, "least-squares"),
+        ({"ambient": 0.6, "robust": 1.0}, "ambient"),
+        ({"trimmed": 0.9, "robust": 1.0}, "robust"),
     ],
 )
 def test_the_quickest_of_the_best_is_taken(changes, solver):
     assert choose_by_facts(tried(**changes)).solver == solver
+
+
+def test_a_doubt_takes_both_angles():
+    steady = {"least-squares": (0.5, 8.0), "robust": (1.0, 1.0), "bivariate": (3.0, 0.9)}
+    trials = tuple(
+        Trial(solver=name, change_deg=change, apart_deg=apart, pixels=100, seconds=0.01)
+        for name, (change, apart) in steady.items()
+    )
+    assert choose_by_facts(replace(MATTE, misfit=0.5, trials=trials)).solver == "robust"
+    assert trials[1].doubt_deg == pytest.approx(1.0, rel=1e-3)
+    assert 0 < Trial(solver="robust", change_deg=0.0, pixels=1, seconds=0.0).doubt_deg < 1e-3
 
 
 @pytest.mark.parametrize(
@@ -109,6 +124,27 @@ def test_a_fact_turns_its_stage_on(change, stage):
     assert make_plan(replace(MATTE, **change))[stage].use
 
 
+def test_a_line_of_cliffs_is_few_of_all_pairs():
+    assert make_plan(replace(MATTE, turning=0.0025))["discontinuities"].use
+    assert not make_plan(replace(MATTE, turning=0.0012))["discontinuities"].use
+
+
+def test_nothing_left_out_forces_what_was_skipped_and_keeps_what_was_chosen():
+    whole = Options(nothing_left_out=True)
+    plain, shadowless = make_plan(MATTE, whole), make_plan(replace(MATTE, shadowed=0.0), whole)
+    assert plain["non-Lambertian solving"].options == {"solver": "response-bend"}
+    assert shadowless["shadow gate"].use
+    assert shadowless["discontinuities"].use
+    assert make_plan(replace(MATTE, images=14), whole)["robust solving"].use
+    few = make_plan(replace(MATTE, images=5), whole)
+    assert not any(few[name].use for name in ("ambient solving", "robust solving", "non-Lambertian solving"))
+    chosen = make_plan(tried(least_squares=5.0, bivariate=0.1), whole)
+    assert chosen["non-Lambertian solving"].options == {"solver": "bivariate"}
+    large = replace(MATTE, pixels=10**6)
+    assert make_plan(large, whole)["compiled kernels"].use
+    assert not make_plan(large)["compiled kernels"].use
+
+
 def test_gates_follow_what_the_sample_shows():
     assert make_plan(MATTE)["shadow gate"].use
     assert not make_plan(replace(MATTE, shadowed=0.0))["shadow gate"].use
@@ -121,8 +157,10 @@ def test_the_table_of_costs_knows_when_compiled_code_is_used():
         "robust": robust,
         "response-bend": response_bend,
         "bivariate": bivariate,
+        "exemplar": exemplar,
         "bi-polynomial": bipolynomial,
         "sparse-bayesian": sparse_bayesian,
     }
     assert {name: COSTS[name].break_even for name in modules} == {name: m._BREAK_EVEN for name, m in modules.items()}
     assert set(COSTS) == set(NORMAL_SOLVERS)
+    assert {kind.name for kind in CONTESTANTS} <= set(COSTS)

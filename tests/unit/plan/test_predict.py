@@ -66,7 +66,7 @@ def test_the_speed_is_kept(tmp_path, measured):
 
 @pytest.mark.parametrize(
     "text",
-    ["", "[]", "{", "3", '{"schema": 1}', '{"schema": 1, "machine": {}, "solving": 1, "integrating": 1}', "[" * 99_999],
+    ["", "[]", "{", "3", '{"schema": 1}', '{"schema": 2, "machine": {}, "solving": 1, "integrating": 1}', "[" * 99_999],
 )
 def test_hostile_caches_are_replaced(tmp_path, measured, text):
     path = tmp_path / "speed.json"

@@ -10,7 +10,7 @@ from psstereo.lights import Rig
 from psstereo.metrics import summarise_angles
 from psstereo.normals import LeastSquares, Robust
 from psstereo.pipeline import Options, plan_capture, reconstruct
-from psstereo.plan.trials import folds, try_solver
+from psstereo.plan.trials import attempt, folds, judged
 from psstereo.stack import MemoryStack
 from psstereo_synth import checker, hills, lambertian_capture, spiral
 
@@ -136,7 +136,9 @@ def test_a_trial_is_exact_on_matte_samples_and_refuses_what_the_solver_refuses()
     rig = Rig.distant(spiral(24))
     normals = np.array([[0.1, 0.2, 1.0], [-0.3, 0.1, 1.0]])
     values = np.maximum(rig.directions @ normals.T, 0.0)
-    trial, answer = try_solver(LeastSquares(), rig, values)
+    found = attempt(LeastSquares(), rig, values)
+    (trial,) = judged([found], rig, values)
     assert trial.change_deg < 1e-9
-    np.testing.assert_allclose(answer.scaled, normals, atol=1e-12)
-    assert try_solver(LeastSquares(), rig.select([0, 1, 2]), values[:3]) is None
+    assert trial.apart_deg == 0
+    np.testing.assert_allclose(found.scaled, normals, atol=1e-12)
+    assert attempt(LeastSquares(), rig.select([0, 1, 2]), values[:3]) is None

@@ -53,3 +53,36 @@ def test_not_a_number_stays_so():
 def test_unknown_curves_are_refused(name, exponent):
     with pytest.raises(OptionError):
         Response(name, exponent)
+
+
+def test_a_curve_goes_through_its_knots_and_rises_between_them():
+    values, light = np.array([0, 0.1, 0.35, 0.36, 0.8, 1.0]), np.array([0, 0.004, 0.2, 0.2, 0.5, 1.0])
+    curve = Response.from_knots(values, light)
+    np.testing.assert_allclose(curve.curve(values), light, atol=1e-12)
+    fine = curve.curve(np.linspace(0, 1.2, 500))
+    assert (np.diff(fine) >= 0).all()
+    assert fine[-1] > 1
+    table = curve.linearise(np.arange(256, dtype=np.uint8), 255.0)
+    np.testing.assert_allclose(table, curve.curve(np.arange(256) / 255.0) * 255, rtol=1e-6)
+    assert hash(curve) == hash(Response.from_knots(values, light))
+
+
+@pytest.mark.parametrize(
+    "knots",
+    [
+        ((0, 0),),
+        ((0, 0), (1, 0.9)),
+        ((0, 0.1), (1, 1)),
+        ((0, 0), (0.5, 0.6), (0.7, 0.5), (1, 1)),
+        ((0, 0), (np.nan, 1)),
+    ],
+)
+def test_hostile_knots_are_refused(knots):
+    with pytest.raises(OptionError, match="knots"):
+        Response("curve", knots=knots)
+
+
+@pytest.mark.parametrize("given", [{"name": "curve"}, {"name": "gamma", "exponent": 2.0, "knots": ((0, 0), (1, 1))}])
+def test_knots_belong_to_curves(given):
+    with pytest.raises(OptionError, match="knots"):
+        Response(**given)

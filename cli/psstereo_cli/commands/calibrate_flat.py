@@ -1,0 +1,80 @@
+"""``psstereo calibrate flat``: the flat field from photographs of a white card."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from psstereo_cli.options import Json, Overwrite
+
+__all__ = ["calibrate_flat"]
+
+
+def calibrate_flat(
+    photographs: Annotated[list[Path], typer.Argument(help="Photographs of an evenly lit white card, unsaturated.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write, .npy: light over its median.")],
+    dark: Annotated[
+        Path | None, typer.Option(help="Photograph without light, at the exposure of the card's photographs.")
+    ] = None,
+    response: Annotated[
+        str, typer.Option(help="Tone curve of the photographs: linear, srgb, or the exponent of a gamma curve.")
+    ] = "linear",
+    smooth: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Standard deviation of a smoothing, in pixels: less noise, but dust stays in images."
+        ),
+    ] = 0.0,
+    add_to: Annotated[
+        Path | None, typer.Option("--add-to", help="Rig file that is to name the flat field; it is written anew.")
+    ] = None,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
+) -> None:
+    """Find what lens and sensor make of an even surface, so that it can be divided out.
+
+    Example: `psstereo calibrate flat card_*.png -o flat.npy`
+
+    A file flat.npy or flat.png beside a folder's photographs is used by itself; elsewhere say flat = "flat.npy" in
+    capture.toml.
+    """
+    import numpy as np
+
+    from psstereo.calibrate.flat_field import flat_from_frames
+    from psstereo.errors import ExistingResultError, OptionError
+    from psstereo.io.parts import read_dark
+    from psstereo.stack import FileStack
+    from psstereo_cli.camera_findings import add_to_rig, require_rig, tell_finding
+    from psstereo_cli.cameras import parse_response
+
+    if out.suffix.lower() != ".npy" or not out.absolute().parent.is_dir():
+        raise OptionError(
+            given=f"The flat field is to be written to {out}.",
+            needed="A name that ends in .npy, in a folder that exists.",
+            remedy="Write -o flat.npy.",
+        )
+    if out.exists() and not overwrite:
+        raise ExistingResultError(
+            given=f"{out} exists.",
+            needed="It is not replaced without being asked for.",
+            remedy="Add --overwrite, or choose another name with -o.",
+        )
+    require_rig(add_to)
+    stack, curve = FileStack(tuple(photographs)), parse_response(response)
+    found = flat_from_frames(
+        [stack.frame(i) for i in range(len(stack))],
+        response=curve,
+        dark=None if dark is None else read_dark(dark, stack, curve),
+        white=stack.white if stack.saturates else None,
+        smooth=smooth,
+    )
+    np.save(out, found.light)
+    add_to_rig(add_to, f"The flat field was found from {len(stack)} photographs.", flat=out.absolute())
+    rows = [
+        ("corners", f"{found.corners:.1%} of the light of the middle"),
+        ("noise of a gain", "not told by one photograph" if np.isnan(found.noise) else f"{found.noise:.3%}"),
+        ("dead values", str(found.dead)),
+        ("written", str(out)),
+    ]
+    record = {"out": str(out), "corners": found.corners, "noise": found.noise, "dead": found.dead}
+    tell_finding(found.quality, rows, record, rig=add_to, as_json=as_json)

@@ -1,0 +1,340 @@
+"""Exemplar materials fitted to every pixel, compiled: the twin of :mod:`psstereo.kernels.exemplar`.
+
+One pixel at a time, all its rounds within the nearest caches.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+
+from psstereo.kernels.bipolynomial_compiled import select
+from psstereo.kernels.exemplar import (
+    CUBED,
+    DAMPING,
+    DARK_SHARE,
+    FAILED,
+    LEAST_HEIGHT,
+    LEAST_SLOPE,
+    MAD,
+    SETTLED,
+    SHORT,
+    UNSETTLED,
+    Dictionary,
+    Fit,
+    Settings,
+)
+from psstereo.kernels.exemplar_steps_compiled import (
+    fill_columns,
+    fill_residuals,
+    fill_system,
+    fill_turns,
+    median,
+    minimum,
+    nnls,
+    slopes,
+    weigh,
+)
+from psstereo.types import BoolArray, FloatArray, IntArray
+
+__all__ = ["fit_pixels"]
+
+_plain: Any = numba.njit(nogil=True, cache=True, error_model="numpy")
+
+
+class _Work(NamedTuple):
+    """Arrays that all pixels use in turn, so that none is made anew."""
+
+    rows: FloatArray  # residuals, weights, sizes, cosines, half cosines, and three derivatives (8, m)
+    parts: FloatArray  # lobes (k, m)
+    columns: FloatArray  # exemplars, and how their sum changes along the tangents (q + 2, m)
+    a: FloatArray
+    b: FloatArray
+    small: FloatArray
+    z: FloatArray
+    passive: BoolArray
+    at: IntArray
+    across: FloatArray  # tangents (2, 3)
+    lobes: FloatArray  # amounts (k,)
+    ties: FloatArray
+
+
+@_plain
+def _tangents(n, across):
+    """Fill two unit vectors across n; see :func:`psstereo.kernels.exemplar_lobes.tangents`."""
+    level = n[0] * n[0] + n[1] * n[1]
+    across[0, 0], across[0, 1], across[0, 2] = 1.0, 0.0, 0.0
+    if level > 0.0:
+        length = math.sqrt(level)
+        across[0, 0], across[0, 1] = -n[1] / length, n[0] / length
+    across[1, 0] = n[1] * across[0, 2] - n[2] * across[0, 1]
+    across[1, 1] = n[2] * across[0, 0] - n[0] * across[0, 2]
+    across[1, 2] = n[0] * across[0, 1] - n[1] * across[0, 0]
+
+
+@_plain
+def _derivatives(n, x, size, table, d, work):
+    """Fill the two last columns with how the sum changes along the tangents."""
+    _tangents(n, work.across)
+    for k in range(len(d.kinds)):
+        work.lobes[k] = x[k] if d.mix.shape[0] == 0 else 0.0
+        for q in range(d.mix.shape[0]):
+            work.lobes[k] += x[q] * d.mix[q, k]
+    slopes(n, table, d.kinds, d.shapes, work.lobes, work.rows[3], work.rows[4], work.rows[5:8])
+    fill_turns(table, work.across, work.rows[5:8], work.columns[size], work.columns[size + 1])
+
+
+@_plain
+def _loss(r, g, scale):
+    """Return the sum of the logarithms of one plus the squared residuals over the scale."""
+    total, product, inverse = 0.0, 1.0, 1.0 / (scale * scale)
+    for i in range(len(r)):
+        product *= 1.0 + r[i] * r[i] * g[i] * inverse
+        if product > 1e100:  # one logarithm for many factors
+            total += math.log(product)
+            product = 1.0
+    return total + math.log(product)
+
+
+@_plain
+def _evidence(y, g, start, table, top, scale, left, r):
+    """Return how much less the loss is than that of Lambert's law with the start; r is overwritten."""
+    for i in range(len(y)):
+        shade = start[0] * table[0, i] + start[1] * table[1, i] + start[2] * table[2, i]
+        r[i] = y[i] - max(shade, 0.0) / top
+    total, inverse = 0.0, 1.0 / (scale * scale)
+    for i in range(len(y)):
+        mine, its = r[i] * r[i] * g[i] * inverse, left[i] * left[i] * g[i] * inverse
+        total += mine / (1.0 + mine) - its / (1.0 + its)
+    return total
+
+
+@_plain
+def _tie(d, scale, ties):
+    for k in range(len(ties)):
+        ties[k] = d.ties[k] + d.noise_ties[k] * scale * scale
+
+
+@_plain
+def _descend(y, g, first, table, d, s, n, x, work):
+    """Run rounds from n; return scale, loss, last step and whether it is sound. The first only fits the amounts."""
+    r, w, sizes, cosine, half = work.rows[0], work.rows[1], work.rows[2], work.rows[3], work.rows[4]
+    a, b, size = work.a, work.b, len(d.ties)
+    own = work.columns[:size]
+    x[:] = 0.0
+    scale, step, turns = s.floor, 1.0, 0
+    for k in range(-1, s.rounds):
+        fill_columns(n, table, d.kinds, d.shapes, d.mix, cosine, half, work.parts, own)
+        fill_residuals(y, own, x, size, r)
+        if k < 0:
+            w[:] = first
+        else:
+            middle, count = median(r, g, cosine, s.dark, sizes)
+            if count < s.least:
+                return scale, 0.0, step, False
+            if k < s.freeze:
+                scale = max(s.tuning * MAD * middle, s.floor)
+            weigh(r, g, cosine, s.dark, 1.0 / (scale * scale), w)
+            _derivatives(n, x, size, table, d, work)
+            turns = 2
+        _tie(d, scale, work.ties)
+        mass = fill_system(work.columns[: size + turns], w, y, work.ties, sizes, a, b)
+        for e in range(turns):
+            a[size + e, size + e] *= 1.0 + DAMPING
+            x[size + e] = 0.0
+        if not nnls(a, b, size + turns, turns, x, mass, work.passive, work.at, work.small, work.z):
+            return scale, 0.0, step, False
+        if k >= 0:
+            step = math.hypot(x[size], x[size + 1])
+            part = min(1.0, s.longest / max(step, 1e-300))
+            _climb(n, work.across, part * x[size], part * x[size + 1])
+        if step <= s.tolerance and k + 1 >= s.freeze:
+            break
+    fill_columns(n, table, d.kinds, d.shapes, d.mix, cosine, half, work.parts, own)
+    fill_residuals(y, own, x, size, r)
+    return scale, _loss(r, g, s.yard), step, True
+
+
+@_plain
+def _climb(n, across, first, second):
+    """Turn a normal, in place, and keep it facing the camera."""
+    for e in range(3):
+        n[e] += first * across[0, e] + second * across[1, e]
+    n[2] = max(n[2], LEAST_HEIGHT)
+    length = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    for e in range(3):
+        n[e] /= length
+
+
+@_plain
+def _prepare(row, weight, s, y, g, first, sizes):
+    """Fill brightness, gates and first weights; return the brightness taken for one, 0 if the pixel is left alone."""
+    usable = 0
+    for i in range(len(row)):
+        v = row[i]
+        ok = v == v and abs(v) < np.inf and weight[i] > 0.0
+        y[i] = v if ok else 0.0
+        g[i] = weight[i] if ok else 0.0
+        if ok:
+            sizes[usable] = v
+            usable += 1
+    if usable < s.least:
+        return 0.0
+    top = select(sizes, usable, int(s.top * (usable - 1) + 0.5))
+    if not top > 0.0:
+        return 0.0
+    count, mass = 0, 0.0
+    for i in range(len(row)):
+        lit = g[i] > 0.0 and y[i] / top > s.level
+        y[i] /= top
+        g[i] = g[i] if lit else 0.0
+        if lit:
+            sizes[count] = y[i]
+            count += 1
+            mass += g[i]
+    if count < s.least:
+        return 0.0
+    low = select(sizes, count, int(s.low * (count - 1) + 0.5))
+    for i in range(len(row)):
+        g[i] *= count / mass
+        first[i] = g[i] if y[i] >= low else 0.0
+    return top
+
+
+@_plain
+def _facing(y, g, table, n):
+    """Put the mean of the half vectors, weighted by the cube of brightness, into n; upright if there is none."""
+    n[:] = 0.0
+    for i in range(len(y)):
+        v = min(y[i], CUBED) ** 3 if g[i] > 0.0 else 0.0
+        for e in range(3):
+            n[e] += v * table[3 + e, i]
+    length = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    if length > 0.0 and n[2] > 0.0:
+        for e in range(3):
+            n[e] /= length
+    else:
+        n[0], n[1], n[2] = 0.0, 0.0, 1.0
+
+
+@_plain
+def _spread(y, g, x, size, d, dark, scale, work, spread, share):
+    """Write covariance along the tangents and signed weights; the columns are those of the fit."""
+    r, w, sizes, cosine = work.rows[0], work.rows[1], work.rows[2], work.rows[3]
+    fill_residuals(y, work.columns, x, size, r)
+    count, influence, slope = 0, 0.0, 0.0
+    for i in range(len(y)):
+        w[i] = 0.0
+        if g[i] > 0.0:
+            share[i] = 0.0 if r[i] >= 0.0 else -0.0
+            if cosine[i] > dark:
+                w[i] = g[i]
+                v = r[i] * r[i] * g[i] / (scale * scale)
+                weight = 1.0 / ((1.0 + v) * (1.0 + v))
+                count += 1
+                influence += g[i] * (r[i] * weight) ** 2
+                slope += (1.0 - 3.0 * v) / (1.0 + v) ** 3
+                share[i] = weight if r[i] >= 0.0 else -weight
+    _tie(d, scale, work.ties)
+    fill_system(work.columns, w, y, work.ties, sizes, work.a, work.b)
+    unknowns = 2
+    for k in range(size + 2):
+        work.passive[k] = k >= size or x[k] > 0.0
+        unknowns += 1 if k < size and work.passive[k] else 0
+    slope /= max(count, 1)
+    if count <= unknowns or not slope > LEAST_SLOPE:
+        return
+    variance = influence / (count - unknowns) / (slope * slope)
+    for e in range(2):
+        work.b[:] = 0.0
+        work.b[size + e] = variance
+        if not minimum(work.a, work.b, work.passive, size + 2, work.at, work.small, work.z):
+            return
+        spread[e], spread[e + 1] = work.z[size], work.z[size + 1]
+
+
+@_plain
+def _best(y, g, first, start, table, d, s, n, x, other, x_other, work):
+    """Descend from the start, and if that is poor from where a mirror would face; n, x hold the better."""
+    scale, loss, step, sound = s.floor, 0.0, 1.0, False
+    length = math.sqrt(start[0] ** 2 + start[1] ** 2 + start[2] ** 2)
+    for attempt in range(2):
+        if attempt == 0:
+            for k in range(3):
+                other[k] = start[k] / length
+            _climb(other, work.across, 0.0, 0.0)
+        else:
+            _facing(y, g, table, other)
+        scale_now, loss_now, step_now, sound_now = _descend(y, g, first, table, d, s, other, x_other, work)
+        if attempt == 0 or (sound_now and (not sound or loss_now < s.better * loss)):
+            scale, loss, step, sound = scale_now, loss_now, step_now, sound_now
+            n[:], x[:] = other, x_other
+        if sound and scale <= s.poor:
+            break
+    return scale, step, sound
+
+
+@_plain
+def _pixels(values, weights, start, table, d, s, normal, amounts, spread, outcome, share, scales, evidence):
+    p, m = values.shape
+    size, count = len(d.ties), len(d.kinds)
+    y, g, first, one = np.zeros(m), np.zeros(m), np.zeros(m), np.ones(m)
+    n, other, x, x_other = np.zeros(3), np.zeros(3), np.zeros(size + 2), np.zeros(size + 2)
+    work = _Work(
+        np.zeros((8, m)),
+        np.zeros((count, m)),
+        np.zeros((size + 2, m)),
+        np.zeros((size + 2, size + 2)),
+        np.zeros(size + 2),
+        np.zeros((size + 3, size + 2)),
+        np.zeros(size + 2),
+        np.zeros(size + 2, np.bool_),
+        np.zeros(size + 2, np.int64),
+        np.zeros((2, 3)),
+        np.zeros(count),
+        np.zeros(size),
+    )
+    for j in range(p):
+        weight = weights[j] if weights.size else one
+        for i in range(m):
+            if values[j, i] - values[j, i] == 0.0 and weight[i] > 0.0:
+                share[j, i] = DARK_SHARE
+        top = _prepare(values[j], weight, s, y, g, first, work.rows[2])
+        length = start[j, 0] ** 2 + start[j, 1] ** 2 + start[j, 2] ** 2
+        if top == 0.0 or not (length > 0.0 and length < np.inf):
+            continue
+        scale, step, sound = _best(y, g, first, start[j], table, d, s, n, x, other, x_other, work)
+        outcome[j] = (SETTLED if step <= s.settled else UNSETTLED) if sound else FAILED
+        if not sound:
+            continue
+        normal[j], scales[j] = n, scale
+        for k in range(size):
+            amounts[j, k] = x[k] * top
+        fill_columns(n, table, d.kinds, d.shapes, d.mix, work.rows[3], work.rows[4], work.parts, work.columns[:size])
+        _derivatives(n, x, size, table, d, work)
+        _spread(y, g, x, size, d, s.dark, scale, work, spread[j], share[j])
+        evidence[j] = _evidence(y, g, start[j], table, top, scale, work.rows[0], work.rows[1])
+
+
+def fit_pixels(
+    values: FloatArray,
+    weights: FloatArray,
+    start: FloatArray,
+    table: FloatArray,
+    dictionary: Dictionary,
+    settings: Settings,
+) -> Fit:
+    """Fit exemplars to pixels; see :func:`psstereo.kernels.exemplar.fit_pixels`."""
+    (p, m), size = values.shape, len(dictionary.ties)
+    out = Fit(
+        np.full((p, 3), np.nan),
+        np.full((p, size), np.nan),
+        np.full((p, 3), np.nan),
+        np.full(p, SHORT),
+        np.full((p, m), np.nan),
+        np.full(p, np.nan),
+        np.zeros(p),
+    )
+    _pixels(values, weights, start, table, dictionary, settings, *out)
+    return out

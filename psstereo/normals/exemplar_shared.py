@@ -1,0 +1,174 @@
+"""Materials that a whole object is made of, found from some of its pixels.
+
+One pixel's brightness leaves much freedom between its normal and its material; many pixels of the same material with
+normals all around do not. So the exemplars are fitted at some pixels freely, then a few materials to all of these at
+once, with the normals as found; and then every pixel is fitted again with these few in the place of all lobes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from psstereo.errors import InputError, OptionError
+from psstereo.kernels.exemplar import FAILED, Fit
+from psstereo.kernels.exemplar_lobes import CONSTANT, lobes
+from psstereo.kernels.exemplar_nnls import nnls
+from psstereo.lights import Rig
+from psstereo.normals.exemplar import LOBES, Exemplar, fit_samples
+from psstereo.normals.solver import Samples
+from psstereo.types import FloatArray
+
+__all__ = ["SharedExemplar", "share_materials"]
+
+_ROUNDS = 20
+"""Rounds between amounts and materials."""
+
+_LEAST_FITTED = 50
+"""Fitted pixels from which materials can be told."""
+
+_TIE = 1e-6
+"""Tie of every unknown, over the sum of weights."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedExemplar(Exemplar):
+    """The exemplar solver with a few known materials in the place of all lobes.
+
+    It stands for one object, so it is in no catalogue. Not for objects whose materials are not among these.
+
+    Attributes
+    ----------
+    materials : tuple of tuples of float
+        Amounts of each lobe of :data:`psstereo.normals.exemplar.LOBES` in each material [1].
+    """
+
+    materials: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        fits = all(len(one) == len(LOBES) and all(0 <= a < np.inf for a in one) for one in self.materials)
+        if not (self.materials and fits and all(max(one) > 0 for one in self.materials)):
+            raise OptionError(
+                given=f"The exemplar solver is given {len(self.materials)} materials with "
+                f"{sorted({len(one) for one in self.materials})} amounts.",
+                needed=f"One or more with {len(LOBES)} amounts each, one a lobe, finite, not negative, some above 0.",
+                remedy="Take them from share_materials, or use the solver exemplar.",
+            )
+
+    def known_materials(self) -> tuple[tuple[float, ...], ...]:
+        """Return the materials; see :meth:`Exemplar.known_materials`."""
+        return self.materials
+
+
+def share_materials(
+    rig: Rig, samples: Samples, *, solver: Exemplar | None = None, materials: int = 2, pixels: int = 1500
+) -> SharedExemplar:
+    """Return the exemplar solver with a few materials of the object in the place of all lobes.
+
+    Each pixel then shows a non-negative sum of the materials, so that albedo and gloss may still vary over it. Not for
+    objects of very many materials, of which it takes those that most pixels are near to, and not where most pixels lie
+    in shadow or in deep folds, whose fits say little.
+
+    Parameters
+    ----------
+    rig : Rig
+        The lights.
+    samples : Samples
+        Observations of the object's pixels, or of a fair part of them; some are taken at equal distances.
+    solver : Exemplar, optional
+        Whose other options are kept.
+    materials : int
+        How many, 1 to 6; two, as matte and gloss, serve most objects.
+    pixels : int
+        How many are looked at, 100 or more.
+
+    Returns
+    -------
+    SharedExemplar
+        The solver for this object.
+
+    Raises
+    ------
+    OptionError
+        If a number makes no sense.
+    InputError
+        If too few pixels can be fitted.
+    """
+    if not (1 <= materials <= 6 and pixels >= 100):
+        raise OptionError(
+            given=f"Asked for are {materials} materials from {pixels} pixels.",
+            needed="One to six materials, and 100 pixels or more.",
+            remedy="Two materials from 1500 pixels are the default.",
+        )
+    given = Exemplar() if solver is None else solver
+    free = Exemplar(gate=given.gate, floor=given.floor, rounds=given.rounds)
+    count = samples.values.shape[1]
+    chosen = np.unique(np.linspace(0, max(count - 1, 0), min(pixels, count)).astype(np.intp))
+    weights = None if samples.weights is None else samples.weights[:, chosen]
+    some = Samples(samples.values[:, chosen], weights)
+    state = free.prepare(rig, count)
+    _, fit, at, _ = fit_samples(free, state, some)
+    good = np.zeros(0, np.intp) if fit is None else _trusted(fit)
+    if fit is None or len(good) < _LEAST_FITTED:
+        raise InputError(
+            given=f"At {len(good)} of {len(chosen)} pixels the exemplars can be fitted.",
+            needed=f"{_LEAST_FITTED} or more are needed to tell materials.",
+            remedy="Use the solver exemplar without shared materials.",
+        )
+    d = state.dictionary
+    columns = lobes(fit.normal[good], state.table, d.kinds, d.shapes)
+    found = _materials(some.values[:, at[good]].T, np.abs(fit.share[good]), columns, fit.amounts[good], materials)
+    return SharedExemplar(
+        gate=given.gate,
+        floor=given.floor,
+        rounds=given.rounds,
+        materials=tuple(tuple(float(a) for a in one) for one in found),
+    )
+
+
+def _trusted(fit: Fit) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Return the pixels whose fits stand, without the worse half: shadows and light from neighbours spoil those."""
+    stands = fit.outcome < FAILED
+    if not stands.any():
+        return np.zeros(0, np.intp)
+    return np.flatnonzero(stands & (fit.scale <= np.median(fit.scale[stands])))
+
+
+def _materials(
+    values: FloatArray, share: FloatArray, columns: FloatArray, amounts: FloatArray, count: int
+) -> FloatArray:
+    """Return materials (q, k) of which every pixel's brightness is a non-negative sum, all pixels counting the same."""
+    own = np.array([float(lobe.kind != CONSTANT) for lobe in LOBES])
+    top = np.nanquantile(values, 0.95, axis=1)
+    w = np.where(np.isfinite(values) & (share <= 1.0), share, 0.0)
+    y = np.where(w > 0, values, 0.0) / top[:, None]
+    start = _start(amounts * own / top[:, None], count)
+    k = len(own)
+    gram = np.einsum("pkm,pm,pjm->pkj", columns, w, columns, optimize=True)
+    right = np.einsum("pkm,pm->pk", columns, w * y)
+    mass = w.sum(axis=1)
+    for _ in range(_ROUNDS):
+        a = start @ gram @ start.T + np.eye(count) * (_TIE * mass)[:, None, None]
+        part = nnls(a, right @ start.T, 0, np.zeros((len(y), count)), mass)
+        whole = np.einsum("pq,pr,pkj->qkrj", part, part, gram, optimize=True).reshape(count * k, count * k)
+        whole += np.eye(count * k) * _TIE * mass.sum()
+        held = np.tile(own == 0, count)
+        whole[held], whole[:, held] = 0.0, 0.0
+        whole[held, held] = 1.0
+        target = np.where(held, 0.0, (part.T @ right).ravel())
+        start = nnls(whole[None], target[None], 0, np.zeros((1, count * k)), mass.sum()[None])[0].reshape(count, k)
+        start = start[start.max(axis=1) > 0]
+        count = len(start)
+        start /= start.sum(axis=1, keepdims=True)
+    return start
+
+
+def _start(amounts: FloatArray, count: int) -> FloatArray:
+    """Return amounts of pixels that are as unlike each other as can be, the first like the mean."""
+    whole = amounts / np.maximum(amounts.sum(axis=1, keepdims=True), 1e-12)
+    chosen = [whole.mean(axis=0)]
+    while len(chosen) < count:
+        far = np.min([((whole - one) ** 2).sum(axis=1) for one in chosen], axis=0)
+        # Not the one that is farthest of all, which may be a stray.
+        chosen.append(whole[int(np.argsort(far)[int(0.98 * (len(far) - 1))])])
+    return np.array(chosen)
