@@ -1,5 +1,15 @@
 from . import radiometry as radiometry
 from .brdf import BRDFS as BRDFS
+from .calibrate.known_shape import calibrate_known_shape as calibrate_known_shape
+from .calibrate.lamps import calibrate_lamps as calibrate_lamps
+from .calibrate.matte_ball import calibrate_matte_balls as calibrate_matte_balls
+from .calibrate.mirror_calibration import calibrate_mirror_balls as calibrate_mirror_balls
+from .calibrate.object_lights import calibrate_from_object as calibrate_from_object
+from .calibrate.registration import register_frames as register_frames
+from .calibrate.response_exposures import response_from_exposures as response_from_exposures
+from .calibrate.response_shading import response_from_shading as response_from_shading
+from .calibrate.rig_rating import rate_rig as rate_rig
+from .calibrate.sun import calibrate_sun as calibrate_sun
 from .camera import Orthographic as Orthographic
 from .camera import Pinhole as Pinhole
 from .camera import Pose as Pose
@@ -36,6 +46,9 @@ from .io import write_mesh as write_mesh
 from .io import write_normal_map as write_normal_map
 from .io.result_folder import read_result as read_result
 from .io.result_folder import write_result as write_result
+from .io.rig_file import RigFile as RigFile
+from .io.rig_file import read_rig as read_rig
+from .io.rig_writer import write_rig as write_rig
 from .lights import LIGHTS as LIGHTS
 from .lights import Directional as Directional
 from .lights import Led as Led
@@ -58,6 +71,7 @@ from .normals import NORMAL_SOLVERS as NORMAL_SOLVERS
 from .normals import LeastSquares as LeastSquares
 from .normals import Robust as Robust
 from .normals import estimate_normals as estimate_normals
+from .normals.exemplar_materials import material_map as material_map
 from .normals.refine_lights import refine_lights as refine_lights
 from .normals.strengths import estimate_strengths as estimate_strengths
 from .normals.uncalibrated import find_lights as find_lights

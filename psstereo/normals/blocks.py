@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from psstereo.errors import UnsupportedError
+from psstereo.lights import Rig
 from psstereo.normals.channels import combine_channels, combine_covariances, combine_verdicts
 from psstereo.normals.memory import BLOCK, MemoryPlan
 from psstereo.normals.observations import may_take_part
@@ -13,7 +14,7 @@ from psstereo.normals.rounding import Rounding, raise_bars
 from psstereo.normals.solver import NormalSolver, PixelNormals, Samples
 from psstereo.normals.verdict import OUTSIDE, VerdictArray
 from psstereo.stack import PixelSet, Projection, SampleStore
-from psstereo.types import BoolArray, FlagArray, FloatArray, Map, Progress
+from psstereo.types import BoolArray, FlagArray, FloatArray, IntArray, Map, Progress
 
 __all__ = ["Answer", "BlockJob", "solve_blocks"]
 
@@ -103,12 +104,7 @@ class BlockJob:
     def __call__(self, block: tuple[int, FloatArray]) -> Answer:
         """Solve one block: its first pixel, and its samples (k, m, p)."""
         start, values = block
-        indices = self.pixels.indices[start : start + values.shape[2]]
-        weights = None if self.weights is None else self.weights[:, indices].astype(np.float64)
-        if self.mask is not None:
-            values = np.where(may_take_part(self.mask[:, indices]), values, values.dtype.type(np.nan))
-        if self.projection is not None and self.strengths is not None:
-            values = self.projection(values, self.strengths)[None]
+        values, weights = self._observations(self.pixels.indices[start : start + values.shape[2]], values)
         parts = [
             self.solver.solve(self.state, Samples(values[k], weights, self.verdicts, self.covariance))
             for k in range(self.channels)
@@ -118,6 +114,28 @@ class BlockJob:
             for k, part in enumerate(parts):
                 raise_bars(self.rounding, part, values[k], weights, channel=k, start=start)
         return _one(parts[0], self.covariance) if self.channels == 1 else _several(parts, self.covariance)
+
+    def taught(self, rig: Rig, store: SampleStore) -> tuple[NormalSolver[Any], str | None]:
+        """Return the solver when it has seen pixels from all over the object, and what it learnt, if it wants to."""
+        count = len(self.pixels)
+        wanted = min(self.solver.learns_from, count)
+        if wanted == 0:
+            return self.solver, None
+        at = np.unique(np.linspace(0, count - 1, wanted).astype(np.intp))
+        read = np.concatenate([store.read(int(i), int(i) + 1) for i in at], axis=2)
+        values, weights = self._observations(self.pixels.indices[at], read)
+        return self.solver.taught(
+            rig, Samples(np.hstack(list(values)), None if weights is None else np.tile(weights, len(values)))
+        )
+
+    def _observations(self, indices: IntArray, values: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+        """Return values (k, m, p) and weights (m, p) of some pixels as the solver is to see them."""
+        weights = None if self.weights is None else self.weights[:, indices].astype(np.float64)
+        if self.mask is not None:
+            values = np.where(may_take_part(self.mask[:, indices]), values, values.dtype.type(np.nan))
+        if self.projection is not None and self.strengths is not None:
+            values = self.projection(values, self.strengths)[None]
+        return values, weights
 
     def _require_what_was_asked(self, part: PixelNormals) -> None:
         for wanted, found, what in (

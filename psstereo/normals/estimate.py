@@ -6,6 +6,7 @@ who solves which block and when, so the answer is the same to the last bit for a
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -165,7 +166,7 @@ def solve_gathered(
     started = time.perf_counter()
     job = BlockJob(
         solver=solver,
-        state=solver.prepare(capture.rig, len(pixels)),
+        state=None,
         pixels=pixels,
         channels=channels.values,
         projection=channels.projection,
@@ -176,6 +177,8 @@ def solve_gathered(
         covariance=covariance,
         rounding=rounding_of(capture, channels, pixels.indices),
     )
+    taught, learnt = job.taught(capture.rig, samples.store)
+    job = replace(job, solver=taught, state=taught.prepare(capture.rig, len(pixels)))
     answer = solve_blocks(job, samples.store, samples.plan, over, progress)
     del job  # and the working arrays with it
     if capture.rig.all_distant and capture.rig.condition() > _LOOSE:
@@ -188,6 +191,7 @@ def solve_gathered(
         "solver": solver.name,
         "gate": solver.gate.name,
         "options": settings_of(solver),
+        "learnt": learnt,
         "gray": channels.name,
         "clip": samples.reading.clip,
         "valid_range": None if samples.valid is None else [v / capture.stack.white for v in samples.valid],

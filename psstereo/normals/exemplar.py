@@ -6,11 +6,11 @@ answer is that of the robust solver.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from psstereo.errors import OptionError
+from psstereo.errors import InputError, OptionError
 from psstereo.kernels.bipolynomial import tangents as other_tangents
 from psstereo.kernels.dispatch import kernel
 from psstereo.kernels.exemplar import FAILED, SETTLED, Dictionary, Fit, Settings
@@ -34,6 +34,9 @@ residuals go with the direction of the light, and more with fewer lights than th
 
 _UNTOLD = 1.0
 """Variance of a normal that is no small error any more, so that no error bar can be told [rad²]."""
+
+_PUPILS = 1500
+"""Pixels from which an object's materials are told: far more than a few materials of nine lobes have numbers."""
 
 _LEAST_ALBEDO = 1e-3
 """Least albedo that a pixel is given, as a share of all that it reflects; a metal has no matte part."""
@@ -133,6 +136,9 @@ class Exemplar(NormalSolver[ExemplarState]):
         Residual below which all observations count the same, as a share of the pixel's brightness [1].
     rounds : int
         Rounds at most; a pixel that needs more is flagged.
+    shared : int
+        Materials that are found from pixels all over the object and stand for the lobes in each, 0 for none; gloss and
+        albedo still vary. Two, as matte and gloss, serve most objects; 0 where many different materials meet.
 
     References
     ----------
@@ -148,15 +154,33 @@ class Exemplar(NormalSolver[ExemplarState]):
     least_lights: ClassVar[int] = 16
     pays_from: ClassVar[int] = 16
     floor: float = 2e-3
-    rounds: int = 24
+    rounds: int = 48
+    shared: int = 2
 
     def __post_init__(self) -> None:
-        if not (0 < self.floor < 1 and self.rounds > Settings().freeze):
+        if not (0 < self.floor < 1 and self.rounds > Settings().freeze and 0 <= self.shared <= 6):
             raise OptionError(
-                given=f"The exemplar solver is given the floor {self.floor} and {self.rounds} rounds.",
-                needed=f"A floor between 0 and 1, and more than {Settings().freeze} rounds.",
+                given=f"The exemplar solver is given the floor {self.floor}, {self.rounds} rounds and {self.shared} "
+                "shared materials.",
+                needed=f"A floor between 0 and 1, more than {Settings().freeze} rounds, and up to six materials.",
                 remedy="Correct them, or leave them out.",
             )
+
+    @property
+    def learns_from(self) -> int:
+        """Pixels from which materials are told; see :attr:`NormalSolver.learns_from`."""
+        return _PUPILS if self.shared else 0
+
+    def taught(self, rig: Rig, samples: Samples) -> tuple[NormalSolver[Any], str]:
+        """Find the object's materials; see :meth:`NormalSolver.taught`."""
+        from psstereo.normals.exemplar_shared import share_materials
+
+        self.require_lights(rig)
+        try:
+            solver = share_materials(rig, samples, solver=self, materials=self.shared)
+        except InputError as error:
+            return self, f"Every pixel has materials of its own: {error.given}"
+        return solver, f"{len(solver.materials)} materials were found and stand for the lobes in every pixel."
 
     def known_materials(self) -> tuple[tuple[float, ...], ...]:
         """Return the amounts of each lobe in the materials that stand for the lobes; empty for none."""

@@ -101,7 +101,7 @@ def share_materials(
             remedy="Two materials from 1500 pixels are the default.",
         )
     given = Exemplar() if solver is None else solver
-    free = Exemplar(gate=given.gate, floor=given.floor, rounds=given.rounds)
+    free = Exemplar(gate=given.gate, floor=given.floor, rounds=given.rounds, shared=0)
     count = samples.values.shape[1]
     chosen = np.unique(np.linspace(0, max(count - 1, 0), min(pixels, count)).astype(np.intp))
     weights = None if samples.weights is None else samples.weights[:, chosen]
@@ -122,6 +122,7 @@ def share_materials(
         gate=given.gate,
         floor=given.floor,
         rounds=given.rounds,
+        shared=0,
         materials=tuple(tuple(float(a) for a in one) for one in found),
     )
 

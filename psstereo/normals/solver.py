@@ -7,7 +7,7 @@ argument of whoever calls it and never a second copy of a solver.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from psstereo.errors import RigError
 from psstereo.lights import Rig
@@ -100,6 +100,31 @@ class NormalSolver(ABC, Generic[StateT]):
     pays_from: ClassVar[int] = 3
     """Lights from which it is better than plain least squares where its assumption holds."""
     gate: Gate = field(default_factory=lambda: GATES["auto"], metadata={"choices": GATES})
+
+    @property
+    def learns_from(self) -> int:
+        """How many pixels of an object it wants to see before it solves any; 0 if pixels have nothing in common."""
+        return 0
+
+    def taught(self, rig: Rig, samples: "Samples") -> tuple["NormalSolver[Any]", str]:
+        """Return the solver for one object, and a sentence on what was learnt of it.
+
+        Parameters
+        ----------
+        rig : Rig
+            The lights.
+        samples : Samples
+            Observations of some of the object's pixels, from all over it.
+
+        Returns
+        -------
+        NormalSolver
+            Itself, if there was nothing to learn.
+        str
+            What was learnt, or why nothing.
+        """
+        del rig, samples
+        return self, "Pixels are solved one by one."
 
     def require_lights(self, rig: Rig) -> None:
         """Refuse a rig with too few lights for this method, or with directions that cannot give normals.

@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 from psstereo.brdf import Ggx
+from psstereo.capture import Capture
 from psstereo.errors import InputError, OptionError
 from psstereo.lights import Rig
+from psstereo.metrics import angular_error
+from psstereo.normals import estimate_normals
 from psstereo.normals.exemplar import LOBES, Exemplar
 from psstereo.normals.exemplar_materials import material_map
 from psstereo.normals.exemplar_shared import SharedExemplar, share_materials
 from psstereo.normals.solver import Samples
+from psstereo.stack import MemoryStack
 from psstereo_synth import spiral
 
 DIRECTIONS = spiral(48, max_tilt=0.9)
@@ -89,3 +93,29 @@ def test_hostile_materials_are_refused(amounts):
 def test_no_materials_are_refused():
     with pytest.raises(OptionError, match="0 materials"):
         SharedExemplar(materials=())
+
+
+def capture_of(values, shape):
+    stack = MemoryStack(np.ascontiguousarray(values.reshape(len(values), *shape, 1), np.float32), white=2.0)
+    return Capture(stack=stack, rig=RIG)
+
+
+def test_a_capture_is_learnt_from_before_it_is_solved():
+    """The same materials whatever the tiles, so the same bytes; and the record says what was learnt."""
+    normals, values, _ = object_of(600, varies=0.0)
+    capture = capture_of(values, (20, 30))
+    whole = estimate_normals(capture, solver=Exemplar(shared=1))
+    assert whole.facts["learnt"] == "1 materials were found and stand for the lobes in every pixel."
+    alone = estimate_normals(capture, solver=Exemplar(shared=0))
+    assert alone.facts["learnt"] is None
+    apart = [np.median(angular_error(found.normals.reshape(-1, 3), normals)) for found in (whole, alone)]
+    assert apart[0] < 0.95 * apart[1]
+    tiled = estimate_normals(capture, solver=Exemplar(shared=1), max_memory=6_300_000)
+    np.testing.assert_array_equal(tiled.normals, whole.normals)
+
+
+def test_an_object_too_small_to_learn_from_is_solved_all_the_same():
+    _, values, _ = object_of(30)
+    found = estimate_normals(capture_of(values, (5, 6)), solver=Exemplar())
+    assert found.facts["learnt"].startswith("Every pixel has materials of its own: At ")
+    assert np.isfinite(found.normals).all()
