@@ -140,6 +140,10 @@ class Exemplar(NormalSolver[ExemplarState]):
         Materials that are found from pixels all over the object and stand for the lobes in each, 0 for none; gloss and
         albedo still vary. Two, as matte and gloss, serve most objects; 0 where many different materials meet.
 
+    materials : tuple of tuple of float (q, 9)
+        Amounts of each of `LOBES` in the materials of one object, as :func:`share_materials` finds them; empty until
+        then, and where `shared` is 0 [1].
+
     References
     ----------
     .. [1] Z. Hui, A. C. Sankaranarayanan, "Shape and Spatially-Varying Reflectance Estimation from Virtual Exemplars",
@@ -156,6 +160,7 @@ class Exemplar(NormalSolver[ExemplarState]):
     floor: float = 2e-3
     rounds: int = 48
     shared: int = 2
+    materials: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         if not (0 < self.floor < 1 and self.rounds > Settings().freeze and 0 <= self.shared <= 6):
@@ -165,11 +170,19 @@ class Exemplar(NormalSolver[ExemplarState]):
                 needed=f"A floor between 0 and 1, more than {Settings().freeze} rounds, and up to six materials.",
                 remedy="Correct them, or leave them out.",
             )
+        fits = all(len(one) == len(LOBES) and all(0 <= a < np.inf for a in one) for one in self.materials)
+        if not (fits and all(max(one) > 0 for one in self.materials)):
+            raise OptionError(
+                given=f"The exemplar solver is given {len(self.materials)} materials with "
+                f"{sorted({len(one) for one in self.materials})} amounts.",
+                needed=f"{len(LOBES)} amounts each, one a lobe, finite, not negative, some above 0.",
+                remedy="Take them from share_materials, or give none.",
+            )
 
     @property
     def learns_from(self) -> int:
         """Pixels from which materials are told; see :attr:`NormalSolver.learns_from`."""
-        return _PUPILS if self.shared else 0
+        return _PUPILS if self.shared and not self.materials else 0
 
     def taught(self, rig: Rig, samples: Samples) -> tuple[NormalSolver[Any], str]:
         """Find the object's materials; see :meth:`NormalSolver.taught`."""
@@ -181,10 +194,6 @@ class Exemplar(NormalSolver[ExemplarState]):
         except InputError as error:
             return self, f"Every pixel has materials of its own: {error.given}"
         return solver, f"{len(solver.materials)} materials were found and stand for the lobes in every pixel."
-
-    def known_materials(self) -> tuple[tuple[float, ...], ...]:
-        """Return the amounts of each lobe in the materials that stand for the lobes; empty for none."""
-        return ()
 
     def prepare(self, rig: Rig, pixels: int | None = None) -> ExemplarState:
         """Take the angles of all lights and choose the loop; see :meth:`NormalSolver.prepare`."""
@@ -217,7 +226,7 @@ class Exemplar(NormalSolver[ExemplarState]):
 
     def _dictionary(self) -> Dictionary:
         ties, noise_ties = [lobe.tie for lobe in LOBES], [lobe.noise_tie for lobe in LOBES]
-        mix, known = np.zeros((0, 0)), self.known_materials()
+        mix, known = np.zeros((0, 0)), self.materials
         if known:
             mix = np.vstack([np.array(known, np.float64), np.eye(len(LOBES))[-1]])
             ties = [0.0] * len(known) + ties[-1:]

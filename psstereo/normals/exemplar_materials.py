@@ -64,7 +64,7 @@ def material_map(rig: Rig, samples: Samples, *, solver: Exemplar | None = None) 
     state = given.prepare(rig, count)
     _, fit, chosen, _ = fit_samples(given, state, samples)
     names = tuple(lobe.name for lobe in LOBES)
-    if known := given.known_materials():
+    if known := given.materials:
         names = (*(f"material-{k + 1}" for k in range(len(known))), names[-1])
     amounts, residual = np.full((count, len(names)), np.nan), np.full(count, np.nan)
     if fit is not None:

@@ -5,8 +5,6 @@ normals all around do not. So the exemplars are fitted at some pixels freely, th
 once, with the normals as found; and then every pixel is fitted again with these few in the place of all lobes.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from psstereo.errors import InputError, OptionError
@@ -18,7 +16,7 @@ from psstereo.normals.exemplar import LOBES, Exemplar, fit_samples
 from psstereo.normals.solver import Samples
 from psstereo.types import FloatArray
 
-__all__ = ["SharedExemplar", "share_materials"]
+__all__ = ["share_materials"]
 
 _ROUNDS = 20
 """Rounds between amounts and materials."""
@@ -30,39 +28,9 @@ _TIE = 1e-6
 """Tie of every unknown, over the sum of weights."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SharedExemplar(Exemplar):
-    """The exemplar solver with a few known materials in the place of all lobes.
-
-    It stands for one object, so it is in no catalogue. Not for objects whose materials are not among these.
-
-    Attributes
-    ----------
-    materials : tuple of tuples of float
-        Amounts of each lobe of :data:`psstereo.normals.exemplar.LOBES` in each material [1].
-    """
-
-    materials: tuple[tuple[float, ...], ...]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        fits = all(len(one) == len(LOBES) and all(0 <= a < np.inf for a in one) for one in self.materials)
-        if not (self.materials and fits and all(max(one) > 0 for one in self.materials)):
-            raise OptionError(
-                given=f"The exemplar solver is given {len(self.materials)} materials with "
-                f"{sorted({len(one) for one in self.materials})} amounts.",
-                needed=f"One or more with {len(LOBES)} amounts each, one a lobe, finite, not negative, some above 0.",
-                remedy="Take them from share_materials, or use the solver exemplar.",
-            )
-
-    def known_materials(self) -> tuple[tuple[float, ...], ...]:
-        """Return the materials; see :meth:`Exemplar.known_materials`."""
-        return self.materials
-
-
 def share_materials(
     rig: Rig, samples: Samples, *, solver: Exemplar | None = None, materials: int = 2, pixels: int = 1500
-) -> SharedExemplar:
+) -> Exemplar:
     """Return the exemplar solver with a few materials of the object in the place of all lobes.
 
     Each pixel then shows a non-negative sum of the materials, so that albedo and gloss may still vary over it. Not for
@@ -84,7 +52,7 @@ def share_materials(
 
     Returns
     -------
-    SharedExemplar
+    Exemplar
         The solver for this object.
 
     Raises
@@ -118,7 +86,7 @@ def share_materials(
     d = state.dictionary
     columns = lobes(fit.normal[good], state.table, d.kinds, d.shapes)
     found = _materials(some.values[:, at[good]].T, np.abs(fit.share[good]), columns, fit.amounts[good], materials)
-    return SharedExemplar(
+    return Exemplar(
         gate=given.gate,
         floor=given.floor,
         rounds=given.rounds,

@@ -319,4 +319,5 @@ def test_progress_reaches_a_terminal_only(monkeypatch):
 
 def test_the_command_registers_each_command_once():
     names = [c.callback.__name__ for c in psstereo_cli.app.app.registered_commands if c.callback]
-    assert sorted(names) == sorted(COMMANDS)
+    groups = [group.name for group in psstereo_cli.app.app.registered_groups]
+    assert sorted([*names, *groups]) == sorted(COMMANDS)

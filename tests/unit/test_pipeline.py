@@ -59,6 +59,7 @@ def test_what_was_done_is_said():
     assert list(steps) == [
         "linearisation",
         "dark level",
+        "flat field",
         "light strengths",
         "near lamps",
         "reading",

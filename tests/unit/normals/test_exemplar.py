@@ -11,7 +11,6 @@ from psstereo.lights import Rig
 from psstereo.metrics import summarise_angles
 from psstereo.normals import estimate_normals
 from psstereo.normals.exemplar import LOBES, Exemplar
-from psstereo.normals.exemplar_shared import SharedExemplar
 from psstereo.normals.least_squares import LeastSquares
 from psstereo.normals.response_bend import ResponseBend
 from psstereo.normals.robust import Robust
@@ -133,11 +132,11 @@ def test_known_materials_take_the_place_of_the_lobes():
     material = [0.0] * len(LOBES)
     material[glazed], material[gloss] = 0.45, 0.07
     free, known = (angles(solve(solver, directions, values).scaled, normals)
-                   for solver in (Exemplar(), SharedExemplar(materials=(tuple(material),))))  # fmt: skip
+                   for solver in (Exemplar(), Exemplar(materials=(tuple(material),))))  # fmt: skip
     assert known.mean() < max(3 * free.mean(), 1.0)
     other = [0.0] * len(LOBES)
     other[gloss] = 1.0  # as a mirror it cannot be right
-    wrong = angles(solve(SharedExemplar(materials=(tuple(other),)), directions, values).scaled, normals)
+    wrong = angles(solve(Exemplar(materials=(tuple(other),)), directions, values).scaled, normals)
     assert wrong.mean() > 1.5 * known.mean()
 
 

@@ -11,7 +11,7 @@ from psstereo.metrics import angular_error
 from psstereo.normals import estimate_normals
 from psstereo.normals.exemplar import LOBES, Exemplar
 from psstereo.normals.exemplar_materials import material_map
-from psstereo.normals.exemplar_shared import SharedExemplar, share_materials
+from psstereo.normals.exemplar_shared import share_materials
 from psstereo.normals.solver import Samples
 from psstereo.stack import MemoryStack
 from psstereo_synth import spiral
@@ -87,12 +87,7 @@ def test_hostile_options_are_refused(options):
 @pytest.mark.parametrize("amounts", [(1.0, 2.0), (0.0,) * len(LOBES), (-1.0,) * len(LOBES), (np.nan,) * len(LOBES)])
 def test_hostile_materials_are_refused(amounts):
     with pytest.raises(OptionError, match="1 materials with"):
-        SharedExemplar(materials=(amounts,))
-
-
-def test_no_materials_are_refused():
-    with pytest.raises(OptionError, match="0 materials"):
-        SharedExemplar(materials=())
+        Exemplar(materials=(amounts,))
 
 
 def capture_of(values, shape):
