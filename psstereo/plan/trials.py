@@ -30,8 +30,9 @@ __all__ = ["Attempt", "Trial", "attempt", "fold_count", "folds", "judged"]
 
 _MANY, _FEW = 48, 24
 """Lights from which a third of them may be taken away, and up to which an eighth is enough."""
-_UNSETTLED = 0.05
-"""Share of pixels at which a solver may stop before it has converged and still be a choice."""
+_UNSETTLED = 0.025
+"""Share of pixels at which a solver may stop before it has converged and still be a choice: half of that from which a
+whole run counts as not converged, since a sample of a hundred pixels tells it no better."""
 _LOST = np.radians(20.0)
 """What counts for a pixel that cannot be solved, or not without some of the lights [rad]."""
 _FURTHEST = np.radians(30.0)
