@@ -1,5 +1,6 @@
 """From words to balls and their pictures: circles, clicks, masks, files of circles, or a search."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -95,7 +96,14 @@ def parse_box(words: str) -> tuple[int, int, int, int]:
     """Return four whole numbers: first column and row, last column and row."""
     from psstereo_cli.execution import parse_floats
 
-    a, b, c, d = (round(one) for one in parse_floats(words, 4, "box X0,Y0,X1,Y1"))
+    numbers = parse_floats(words, 4, "box X0,Y0,X1,Y1")
+    if not all(math.isfinite(one) for one in numbers):
+        raise OptionError(
+            given=f"The box is {words!r}.",
+            needed="Four finite numbers: first column and row, last column and row.",
+            remedy="Count them in pixels from the top left, from 0.",
+        )
+    a, b, c, d = (round(one) for one in numbers)
     return a, b, c, d
 
 
@@ -129,7 +137,7 @@ class _Place:
         if said == "auto":
             return self._searched(picture, outline)
         path = Path(said)
-        if not path.exists():
+        if not said or not path.is_file():
             raise MissingFileError(
                 given=f"The ball is given as {said!r}, which is neither numbers nor a file.",
                 needed="x,y,r; or columns and rows of three clicks; a mask; a file with x, y and r; or auto.",
@@ -166,7 +174,11 @@ class _Place:
 
         if path.suffix.lower() in IMAGE_SUFFIXES:
             shape = (self.stack.shape[1], self.stack.shape[2])
-            read_mask(path, shape)  # its refusals are about masks
+            try:
+                read_mask(path, shape)  # its refusals are about masks
+            except InputError as error:
+                remedy = "Paint the ball white in a mask of the pictures' size, or give the circle as x,y,r."
+                raise type(error)(given=error.given, needed=error.needed, remedy=remedy) from None
             return ball_from_mask(_gray(path, self.stack), self.camera, radius=self.radius), f"masked by {path.name}"
         numbers = tuple(float(x) for x in read_table(path).values.ravel())
         # Circles in files are those of PSBox, whose origin is at the bottom left.

@@ -74,6 +74,12 @@ def read_otherwise(capture: "Capture", options: ReadingOptions, *, over: Map = m
     if options.crop is not None:
         x, y, width, height = _crop(options.crop)
         capture = cropped(capture, (y, y + height), (x, x + width))
+    if options.register not in (None, "shift", "affine"):
+        raise OptionError(
+            given=f"The registration is {options.register!r}.",
+            needed="shift, or affine, which turns and stretches too.",
+            remedy="Leave it out if nothing moved.",
+        )
     if options.register is not None:
         from psstereo.calibrate.registration_capture import registered
 
@@ -85,7 +91,7 @@ def _crop(words: str) -> tuple[int, int, int, int]:
     from psstereo_cli.execution import parse_floats
 
     numbers = parse_floats(words, 4, "part (X,Y,WIDTH,HEIGHT)")
-    if any(number != int(number) for number in numbers):
+    if not all(number.is_integer() for number in numbers):
         raise OptionError(
             given=f"The part is {words!r}.", needed="Whole pixels: X,Y,WIDTH,HEIGHT.", remedy="Such as 100,50,800,600."
         )

@@ -1,5 +1,6 @@
 """What commands that calibrate have in common: the rig file, the table of its lights, the verdict."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,7 +40,7 @@ def save_rig(out: Path, rig: "RigFile", *, overwrite: bool, as_json: bool, facts
     say(record["verdict"])
     for line in record["advice"]:
         say(f"  {line}")
-    say(f"The rig is in {out}; psstereo reconstruct FOLDER --rig {out} uses it.")
+    say(f"The rig is in {out}; psstereo reconstruct FOLDER --rig {shlex.quote(str(out))} uses it.")
 
 
 def _record(rig: "RigFile") -> dict[str, Any]:

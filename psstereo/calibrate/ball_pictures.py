@@ -9,7 +9,7 @@ from psstereo.calibrate.balls import Ball
 from psstereo.camera import Pinhole
 from psstereo.errors import InputError
 from psstereo.stack import LINEAR, ImageStack, Response
-from psstereo.types import FloatArray
+from psstereo.types import FloatArray, Progress, no_progress
 
 __all__ = ["BallPictures", "require_still"]
 
@@ -25,6 +25,10 @@ _PARTLY = 0.03
 """The same where less than `_WHOLE` of the outline is seen: what is seen of it, and how sharp, goes with the light."""
 _WHOLE = 0.75
 """Share of the outline."""
+_SEARCHED = 80.0
+"""Radius at which a ball is looked for that is not where it should be [px]."""
+_ALIKE = 0.05
+"""How much its radius may differ from that of the ball to be taken for it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,16 +83,19 @@ class BallPictures:
         return np.asarray(self.linear(index).mean(axis=-1))
 
 
-def require_still(pictures: BallPictures) -> str:
+def require_still(pictures: BallPictures, progress: Progress = no_progress) -> str:
     """Refuse pictures in which the ball's outline is not always at the same place.
 
-    Pictures that show too little of the outline are passed over, as most of a mirror ball under one lamp are. All are
+    Pictures that show too little of the outline are passed over, as most of a mirror ball under one lamp are, unless
+    they show a ball of the same size within a radius. All are
     compared with their own median, not with the ball as it was given.
 
     Parameters
     ----------
     pictures : BallPictures
         The pictures.
+    progress : callable
+        Told how many pictures are done.
 
     Returns
     -------
@@ -102,7 +109,14 @@ def require_still(pictures: BallPictures) -> str:
         less than three quarters of it are seen.
     """
     ball, names = pictures.local, pictures.stack.names
-    followed = [(i, *_followed(pictures.gray(i), ball)) for i in range(len(pictures.stack))]
+    followed = []
+    for i in range(len(names)):
+        progress("outlines", i, len(names))
+        image = pictures.gray(i)
+        followed.append((i, *_followed(image, ball)))
+        if followed[-1][1] is None:
+            _require_no_other_place(image, ball, names[i])
+    progress("outlines", len(names), len(names))
     found = [(i, one, share) for i, one, share in followed if one is not None]
     if len(found) < 3:
         return f"The outline is seen in {len(found)} pictures, too few to tell whether the ball stood still."
@@ -114,16 +128,41 @@ def require_still(pictures: BallPictures) -> str:
     moved = np.flatnonzero((sizes > _SIGMAS * errors) & (sizes > limits))
     if len(moved):
         worst = moved[sizes[moved].argmax()]
-        raise InputError(
-            given=f"In {names[found[worst][0]]} the ball's outline is {shift[worst, 0]:+.1f} px to the right and "
-            f"{shift[worst, 1]:+.1f} px below its usual place"
-            + (f", and in {len(moved) - 1} more pictures elsewhere too." if len(moved) > 1 else "."),
-            needed="Ball and camera must stand still from picture to picture.",
-            remedy="Leave that picture out together with its light, or take the pictures again with both fixed.",
-        )
+        raise _moved_away(names[found[worst][0]], shift[worst], len(moved) - 1)
     return (
         f"The outline is at the same place in {len(found)} pictures, to {np.sqrt((sizes**2).mean()):.2g} px "
         "(root mean square)."
+    )
+
+
+def _require_no_other_place(image: FloatArray, ball: Ball, name: str) -> None:
+    """Refuse a picture that shows a ball of this size farther off than outlines are followed, but within a radius."""
+    import cv2
+
+    from psstereo.calibrate.ball_search import find_balls
+
+    x, y, r = ball.seen
+    left, top = max(int(x - 2.2 * r), 0), max(int(y - 2.2 * r), 0)
+    part = image[top : max(int(y + 2.2 * r), 0), left : max(int(x + 2.2 * r), 0)]
+    if min(part.shape) < r:
+        return
+    scale = min(1.0, _SEARCHED / r)  # a few pixels tell a tenth of a radius
+    small = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else part
+    try:
+        other = find_balls(np.asarray(small, np.float64), 1)[0].seen
+    except InputError:
+        return
+    shift = (other[:2] + 0.5) / scale - 0.5 + np.array([left - x, top - y])
+    if abs(other[2] / scale / r - 1.0) < _ALIKE and _REACH * r < np.hypot(*shift) < r:
+        raise _moved_away(name, shift, 0)
+
+
+def _moved_away(name: str, shift: FloatArray, more: int) -> InputError:
+    return InputError(
+        given=f"In {name} the ball's outline is {shift[0]:+.1f} px to the right and {shift[1]:+.1f} px below its usual "
+        "place" + (f", and in {more} more pictures elsewhere too." if more else "."),
+        needed="Ball and camera must stand still from picture to picture.",
+        remedy="Leave that picture out together with its light, or take the pictures again with both fixed.",
     )
 
 

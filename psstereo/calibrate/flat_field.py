@@ -88,7 +88,7 @@ def flat_from_frames(
     InputError
         If frames differ, one is saturated, or they are mostly black.
     OptionError
-        If `smooth` is negative.
+        If `smooth` is negative, or wider than the photographs.
     """
     if not 0 <= smooth < np.inf:
         raise OptionError(
@@ -100,6 +100,12 @@ def flat_from_frames(
             given=f"The white card's photographs have the shapes {sorted({one.shape for one in pictures})}.",
             needed="One or more of one size and type.",
             remedy="Take all with the same camera and convert them alike.",
+        )
+    if smooth > max(pictures[0].shape[:2]):
+        raise OptionError(
+            given=f"The flat field is to be smoothed over {smooth:g} px, and has {max(pictures[0].shape[:2])}.",
+            needed="Less than the photographs are wide or high.",
+            remedy="Some pixels take out noise; a hundred leave vignetting alone.",
         )
     top = full_scale(pictures[0].dtype) if white is None else white
     mean, square = np.zeros(pictures[0].shape), np.zeros(pictures[0].shape)

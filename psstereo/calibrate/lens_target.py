@@ -159,6 +159,7 @@ def _sharpened(gray: Array, seen: FloatArray) -> FloatArray:
 
 def lens_from_pictures(pictures: Sequence[Array], board: Board, *, model: str = "standard") -> LensFit:
     """Find camera and lens from pictures of a board; see :func:`find_corners` and :func:`lens_from_corners`."""
+    _require_model(model)  # before the search
     shapes = {np.shape(picture)[:2] for picture in pictures}
     if len(shapes) != 1:
         raise InputError(
@@ -178,6 +179,13 @@ def lens_from_pictures(pictures: Sequence[Array], board: Board, *, model: str = 
     shape = shapes.pop()
     fit = lens_from_corners([one for _, one in seen], (shape[0], shape[1]), model=model)
     return LensFit(**{**vars(fit), "used": tuple(index for index, _ in seen)})
+
+
+def _require_model(model: str) -> None:
+    if model not in _MODELS:
+        raise OptionError(
+            given=f"The model of the lens is {model!r}.", needed=f"One of {', '.join(_MODELS)}.", remedy="Choose one."
+        )
 
 
 def lens_from_corners(
@@ -211,10 +219,7 @@ def lens_from_corners(
     .. [1] Z. Zhang, "A Flexible New Technique for Camera Calibration", IEEE TPAMI 22(11), 2000.
        doi:10.1109/34.888718
     """
-    if model not in _MODELS:
-        raise OptionError(
-            given=f"The model of the lens is {model!r}.", needed=f"One of {', '.join(_MODELS)}.", remedy="Choose one."
-        )
+    _require_model(model)
     fewest = min((len(plane) for plane, _ in views), default=0)
     if len(views) < _LEAST_VIEWS or fewest < _LEAST_CORNERS:
         raise InputError(

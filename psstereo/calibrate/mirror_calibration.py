@@ -13,7 +13,7 @@ from psstereo.camera import Camera, Orthographic
 from psstereo.errors import InputError
 from psstereo.io.rig_file import RigQuality
 from psstereo.lights import Led, Rig
-from psstereo.types import FloatArray
+from psstereo.types import FloatArray, Progress, no_progress
 
 __all__ = ["MirrorCalibration", "calibrate_mirror_balls"]
 
@@ -57,6 +57,7 @@ def calibrate_mirror_balls(
     strengths: npt.ArrayLike | None = None,
     reach: Reach | None = None,
     source: str = "mirror balls",
+    progress: Progress = no_progress,
 ) -> MirrorCalibration:
     """Find the lights of a capture by the highlights on mirror balls.
 
@@ -76,6 +77,8 @@ def calibrate_mirror_balls(
         NEAR or DISTANT to decide it beforehand; the highlights decide if absent.
     source : str
         Where the balls came from, for the record.
+    progress : callable
+        Told how many pictures are done.
 
     Returns
     -------
@@ -90,8 +93,12 @@ def calibrate_mirror_balls(
     """
     _require_alike(pictures)
     stack = pictures[0].stack
-    notes = [f"Ball {k + 1}: {require_still(one)}" for k, one in enumerate(pictures)]
-    rows = tuple(_row(pictures, i, notes) for i in range(len(stack)))
+    notes = [f"Ball {k + 1}: {require_still(one, progress)}" for k, one in enumerate(pictures)]
+    rows = []
+    for i in range(len(stack)):
+        progress("highlights", i, len(stack))
+        rows.append(_row(pictures, i, notes))
+    progress("highlights", len(stack), len(stack))
     pixels = np.full((len(rows), len(pictures), 2), np.nan)
     covariance = np.tile(np.eye(2), (len(rows), len(pictures), 1, 1))
     for i, row in enumerate(rows):
@@ -113,7 +120,7 @@ def calibrate_mirror_balls(
         advice=_advice(lamps, pictures, rows),
     )
     return MirrorCalibration(
-        rig=rig, quality=quality, camera=balls[0].camera, lamps=lamps, highlights=rows, notes=tuple(notes)
+        rig=rig, quality=quality, camera=balls[0].camera, lamps=lamps, highlights=tuple(rows), notes=tuple(notes)
     )
 
 
@@ -131,6 +138,21 @@ def _require_alike(pictures: Sequence[BallPictures]) -> None:
             needed="One camera, so that lamps have one frame.",
             remedy="Give the frame's camera to all of them, and the corner of each that is cut out of it.",
         )
+    _require_apart([one.ball.seen for one in pictures])
+
+
+def _require_apart(seen: Sequence[FloatArray]) -> None:
+    """Refuse balls of which one would hide the middle of the other: it is one ball twice, or corners are missing."""
+    for k, one in enumerate(seen):
+        for i in range(k):
+            apart = float(np.hypot(*(one[:2] - seen[i][:2])))
+            if apart < max(one[2], seen[i][2]):
+                raise InputError(
+                    given=f"Balls {i + 1} and {k + 1} are {apart:.4g} px apart in the frame, less than the radius of "
+                    f"{max(one[2], seen[i][2]):.4g} px.",
+                    needed="Balls at different places of one frame, none before the other.",
+                    remedy="Name each ball once; for pictures cut out of the frame, say where each was (--corner X,Y).",
+                )
 
 
 def _row(pictures: Sequence[BallPictures], index: int, notes: list[str]) -> tuple[Highlight | None, ...]:
@@ -182,7 +204,8 @@ def _rig(lamps: Triangulation, count: int, strengths: npt.ArrayLike | None, sour
 
 def _verdict(lamps: Triangulation, balls: int) -> str:
     error = np.degrees(np.sqrt((lamps.direction_error**2).mean()))
-    start = f"{len(lamps.directions)} lights, directions within ±{error:.2g}° (root mean square)"
+    count = len(lamps.directions)
+    start = f"{count} light{'s' * (count != 1)}, directions within ±{error:.2g}° (root mean square)"
     if balls == 1:
         return f"{start}, as one ball tells them; whether the lamps are near, one ball cannot tell."
     apart = "" if lamps.residual is None else f" The balls disagree by {np.degrees(lamps.residual):.2g}°."

@@ -184,8 +184,9 @@ def _universal(time: datetime) -> datetime:
             needed="The zone, or the offset from universal time: an hour turns the sun by 15 degrees.",
             remedy="Write it with its offset, such as 2026-06-21T15:00+02:00, or give --zone.",
         )
-    moment = time.astimezone(UTC).replace(tzinfo=None)
-    if not _YEARS[0] <= moment.year <= _YEARS[1]:
+    # Looked at first, since the first and last days of the calendar have no universal time in every zone.
+    moment = time.astimezone(UTC).replace(tzinfo=None) if _YEARS[0] <= time.year <= _YEARS[1] else None
+    if moment is None or not _YEARS[0] <= moment.year <= _YEARS[1]:
         raise InputError(
             given=f"The time is {time.isoformat(sep=' ')}.",
             needed=f"A moment from {_YEARS[0]} to {_YEARS[1]}, where the turning of the earth is known.",

@@ -10,7 +10,7 @@ from psstereo.stack.decode import decode_image
 from psstereo.stack.flat import flat_gain
 from psstereo.types import Array, FloatArray
 
-__all__ = ["flat_light", "read_flat", "require_unsaturated"]
+__all__ = ["flat_light", "is_flat_light", "read_flat", "require_unsaturated"]
 
 _NEARLY_WHITE = 0.98
 """Share of full scale from which a value counts as saturated; sensors bend before they clip."""
@@ -82,6 +82,19 @@ def flat_light(
     require_unsaturated(image, stack.white, path.name)
     light = np.asarray(response.linearise(image, stack.white), np.float64)
     return light if dark is None else np.asarray(light - dark)
+
+
+def is_flat_light(path: Path) -> bool:
+    """Return whether a file is light over its median, as ``psstereo calibrate flat`` writes it; never raises."""
+    try:
+        light = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError):
+        return False
+    if not isinstance(light, np.ndarray) or light.dtype.kind != "f" or light.ndim != 3:
+        return False
+    seen = light[np.isfinite(light)]
+    # The gains' median is 1 channel by channel, or over all.
+    return bool(seen.size and (seen > 0).all() and 0.5 < float(np.median(seen)) < 2.0)
 
 
 def require_unsaturated(image: Array, white: float, name: str) -> None:

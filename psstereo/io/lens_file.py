@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 
 from psstereo.camera import Lens, Pinhole
-from psstereo.errors import InputError, UnreadableFileError
+from psstereo.errors import InputError, MissingFileError, UnreadableFileError
 from psstereo.io.toml_section import Section
 from psstereo.io.toml_text import toml_number, toml_rows
 from psstereo.stack.decode import read_bytes
@@ -34,7 +34,14 @@ def read_lens(path: Path) -> tuple[Pinhole, Lens]:
     InputError
         If it has no matrix or no lens.
     """
-    raw = read_bytes(path).tobytes()
+    try:
+        raw = read_bytes(path).tobytes()
+    except (MissingFileError, UnreadableFileError) as error:
+        raise type(error)(
+            given=error.given,
+            needed="A file with the camera's matrix and its lens.",
+            remedy="Check the name; psstereo calibrate lens writes such files.",
+        ) from None
     try:
         values = tomllib.loads(raw.decode("utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -52,6 +59,16 @@ def read_lens(path: Path) -> tuple[Pinhole, Lens]:
             remedy="Write it with psstereo calibrate lens.",
         )
     return Pinhole.from_matrix(matrix), Lens(tuple(float(number) for number in lens[:, 0]))
+
+
+def is_lens_file(path: Path) -> bool:
+    """Return whether a file holds a camera and its lens and nothing else, as it is written here; never raises."""
+    try:
+        values = tomllib.loads(path.read_text("utf-8-sig"))
+    except (OSError, ValueError):
+        return False
+    camera = values.get("camera")
+    return set(values) == {"camera"} and isinstance(camera, dict) and {"K", "lens"} <= set(camera)
 
 
 def lens_text(camera: Pinhole, lens: Lens) -> str:

@@ -6,9 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from psstereo.errors import UnsupportedError
-from psstereo.io.rti_planes import RelightPlanes, put_file
+from psstereo.io.rti_planes import RelightPlanes, begins_with, put_file
 
-__all__ = ["write_ptm"]
+__all__ = ["PTM_HEADS", "write_ptm"]
+
+PTM_HEADS = (b"PTM_1.",)
+"""How such files begin."""
 
 
 def write_ptm(path: str | os.PathLike[str], planes: RelightPlanes, *, overwrite: bool = False) -> None:
@@ -26,7 +29,7 @@ def write_ptm(path: str | os.PathLike[str], planes: RelightPlanes, *, overwrite:
     planes : RelightPlanes
         Of the basis "ptm".
     overwrite : bool
-        Whether a file of that name may be replaced.
+        Whether an earlier file of this kind may be replaced; any other is refused even then.
 
     Raises
     ------
@@ -61,4 +64,5 @@ def write_ptm(path: str | os.PathLike[str], planes: RelightPlanes, *, overwrite:
         body = np.ascontiguousarray(channels.transpose(3, 1, 2, 0)).tobytes()
     else:
         body = np.ascontiguousarray(upward[..., 0].transpose(1, 2, 0)).tobytes() + planes.colour[::-1].tobytes()
-    put_file(Path(path), "\n".join([*lines, ""]).encode("ascii") + body, overwrite=overwrite)
+    data = "\n".join([*lines, ""]).encode("ascii") + body
+    put_file(Path(path), data, overwrite=overwrite, ours=begins_with(*PTM_HEADS), kind=".ptm file")

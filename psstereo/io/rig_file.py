@@ -8,7 +8,7 @@ import numpy as np
 
 from psstereo.camera import Camera, Orthographic, Pinhole
 from psstereo.camera.lens import Lens
-from psstereo.errors import InputError, OptionError, PsstereoError, UnreadableFileError
+from psstereo.errors import InputError, MissingFileError, OptionError, PsstereoError, UnreadableFileError
 from psstereo.io.led_rig import led_rig
 from psstereo.io.response_section import read_response
 from psstereo.io.toml_section import Section
@@ -180,15 +180,29 @@ def read_rig(path: Path) -> RigFile:
         raise type(error)(given=f"{path.name}: {error.given}", needed=error.needed, remedy=error.remedy) from None
 
 
+def _bytes(path: Path) -> bytes:
+    try:
+        return read_bytes(path).tobytes()
+    except MissingFileError as error:
+        remedy = "Check its name and folder; psstereo calibrate and psstereo convert write rig files."
+        raise MissingFileError(given=error.given, needed="The rig file that was named.", remedy=remedy) from None
+    except UnreadableFileError as error:
+        raise UnreadableFileError(
+            given=error.given,
+            needed="A rig file, as psstereo calibrate writes it.",
+            remedy="Name the right file, copy it again, or calibrate again.",
+        ) from None
+
+
 def _parse(path: Path) -> Section:
-    raw = read_bytes(path).tobytes()
+    raw = _bytes(path)
     try:
         values = tomllib.loads(raw.decode("utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UnreadableFileError(
             given=f"{path} is not valid TOML: {error}.",
-            needed="A rig file, as psstereo calibrate writes it.",
-            remedy="Correct that place, or calibrate again.",
+            needed="A rig file in UTF-8 with decimal points, as psstereo calibrate writes it.",
+            remedy="Correct that place, save it as UTF-8 if an editor changed that, or calibrate again.",
         ) from None
     top = Section(values, "", path)
     if values.get("rig") != 1:

@@ -6,9 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from psstereo.errors import UnsupportedError
-from psstereo.io.rti_planes import RelightPlanes, put_file
+from psstereo.io.rti_planes import RelightPlanes, begins_with, put_file
 
-__all__ = ["write_rti"]
+__all__ = ["RTI_HEADS", "write_rti"]
+
+RTI_HEADS = (b"#HSH", b"#PTM", b"#SH")
+"""How such files begin."""
 
 _HSH = 3
 """Type of the file: 1 PTM, 2 spherical harmonics, 3 hemispherical ones."""
@@ -29,7 +32,7 @@ def write_rti(path: str | os.PathLike[str], planes: RelightPlanes, *, overwrite:
     planes : RelightPlanes
         Of the basis "hsh4" or "hsh9", without a colour of its own.
     overwrite : bool
-        Whether a file of that name may be replaced.
+        Whether an earlier file of this kind may be replaced; any other is refused even then.
 
     Raises
     ------
@@ -50,4 +53,4 @@ def write_rti(path: str | os.PathLike[str], planes: RelightPlanes, *, overwrite:
     numbers = np.concatenate([planes.scale, planes.bias]).astype("<f4").tobytes()
     channels = np.broadcast_to(planes.codes, (*planes.codes.shape[:3], 3))
     body = np.ascontiguousarray(channels.transpose(1, 2, 3, 0)).tobytes()
-    put_file(Path(path), head + numbers + body, overwrite=overwrite)
+    put_file(Path(path), head + numbers + body, overwrite=overwrite, ours=begins_with(*RTI_HEADS), kind=".rti file")

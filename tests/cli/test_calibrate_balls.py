@@ -216,3 +216,28 @@ def test_errors_name_the_cause(call, mirror, matte, tmp_path):
     with pytest.raises(InputError, match=r"has a strength|departs"):
         call(calibrate_matte, mirror, "-o", tmp_path / "rig.toml", "--ball", "60.4,58.7,40")
     assert not (tmp_path / "rig.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--white", "nan,0,1,1"), "box is"),
+        (("--object-crop", "1,1,inf"), "crop is"),
+        (("--white-albedo", "0.5"), "without --white"),
+        (("--ball-radius", "20"), "without --K"),
+        (("--ball", ""), "neither numbers nor a file"),
+    ],
+)
+def test_words_that_do_not_do(call, mirror, tmp_path, words, said):
+    where = () if "--ball" in words else ("--ball", "60.4,58.7,40")
+    with pytest.raises((OptionError, MissingFileError), match=said):
+        call(calibrate_balls, mirror, "-o", tmp_path / "rig.toml", *where, *words)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_masks_faults_are_told_in_words_of_balls_and_names_with_blanks_are_quoted(call, mirror, tmp_path):
+    cv2.imwrite(str(tmp_path / "m.png"), np.zeros(SHAPE, np.uint8))
+    with pytest.raises(InputError, match="give the circle as x,y,r"):
+        call(calibrate_balls, mirror, "-o", tmp_path / "rig.toml", "--ball", tmp_path / "m.png")
+    done = call(calibrate_balls, mirror, "-o", tmp_path / "my rig.toml", "--ball", "60.4,58.7,40")
+    assert "my rig.toml' uses it" in done.err

@@ -170,3 +170,31 @@ def test_photographs_are_read_otherwise(tmp_path):
         changed(crop="1,2,3.5,4")
     with pytest.raises(InputError, match="4 frames"):
         changed(register="shift")
+
+
+def test_other_peoples_files_stay(tmp_path):
+    card = write(tmp_path / "card.png", np.full((20, 24), 120, np.uint8))
+    np.save(tmp_path / "normals.npy", np.dstack([np.full((4, 4, 2), -0.5), np.ones((4, 4))]))
+    (tmp_path / "capture.toml").write_text('[images]\npattern = "*.png"\n[camera]\nK = [[1]]\nlens = [1]\n')
+    with pytest.raises(ExistingResultError, match="no flat field"):
+        run("flat", card, "-o", tmp_path / "normals.npy", "--overwrite")
+    with pytest.raises(ExistingResultError, match="camera and its lens"):
+        run("lens", card, "--board", "9x7", "-o", tmp_path / "capture.toml", "--overwrite")
+    for _ in range(2):  # its own file is replaced
+        assert run("flat", card, "-o", tmp_path / "flat.npy", "--overwrite").exit_code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["capture.toml", "card.png", "flat.npy", "normals.npy"]
+
+
+def test_options_without_use_or_sense(tmp_path):
+    card = write(tmp_path / "card.png", np.full((20, 24), 120, np.uint8))
+    assert run("response", tmp_path, "--times", "1,2").exit_code == 2
+    assert run("response", card, card, "--times", "1,2", "--mask", "none").exit_code == 2
+    with pytest.raises(OptionError, match="smoothed over"):
+        run("flat", card, "-o", tmp_path / "flat.npy", "--smooth", "1e9")
+
+
+@pytest.mark.parametrize("options", [{"crop": "nan,0,1,1"}, {"crop": "0,0,inf,1"}, {"register": "foo"}])
+def test_parts_and_registrations_that_are_none(folder, options):
+    capture, _ = read_capture(folder)
+    with pytest.raises(OptionError):
+        read_otherwise(capture, ReadingOptions(**options), progress=no_progress)

@@ -114,3 +114,20 @@ def test_words_that_mean_nothing_are_usage_errors(run, folder, tmp_path):
     (tmp_path / "three").mkdir()
     np.savetxt(tmp_path / "three" / "light_directions.txt", three)
     assert "--from" in run("convert", tmp_path / "three", tmp_path / "x.lp").text
+
+
+def test_nothing_of_anybody_is_converted_away(run, folder, tmp_path):
+    """Not what is read, and no file of another kind, even with --overwrite; options of another kind are told."""
+    picture = cv2.imread(str(next(folder.glob("*1.png"))))
+    cv2.imwrite(str(tmp_path / "n.png"), picture // 4)
+    (tmp_path / "a.ptm").write_text("mine")
+    np.save(tmp_path / "n.npy", np.dstack([np.zeros((4, 4, 2)), np.ones((4, 4))]))
+    for source, out in ((tmp_path / "n.npy", "n.png"), (folder, "a.ptm"), (tmp_path / "n.npy", "n.npy")):
+        before = (tmp_path / out).read_bytes()
+        done = run("convert", source, tmp_path / out, "--overwrite")
+        assert done.code == 3
+        assert "Choose another name." in done.text
+        assert (tmp_path / out).read_bytes() == before
+    assert run("convert", folder, tmp_path / "a.lp", "--quality", 50).code == 2
+    assert run("convert", folder, tmp_path / "b.ptm", "--frame", "directx").code == 2
+    assert {path.name for path in tmp_path.iterdir()} == {"n.png", "a.ptm", "n.npy", folder.name}

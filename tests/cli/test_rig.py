@@ -84,3 +84,21 @@ def test_words_that_do_not_go_together_are_usage_errors(run, tmp_path, monkeypat
 @pytest.mark.parametrize("words", [("--lights", 2), ("--lights", 5, "--max-tilt", 88), ("--lights", 5, "--shape", "x")])
 def test_numbers_out_of_range_are_refused(run, words):
     assert run("rig", *words).code == 3
+
+
+def test_no_lights_are_written_where_the_picture_cannot_be(run, tmp_path):
+    (tmp_path / "mine.svg").write_text("mine")
+    for picture, code in (("no/p.svg", 3), ("p.png", 2), ("mine.svg", 3)):
+        words = ("-o", tmp_path / "p.toml", "--picture", tmp_path / picture, "--overwrite")
+        assert run("rig", "--lights", 3, *words).code == code
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.svg"]
+    assert "does not end in .toml" in run("rig", "--lights", 3, "-o", tmp_path / "p.foo").text
+
+
+@pytest.mark.parametrize("words", [("--max-tilt", 30), ("--lights", 3)])
+def test_options_without_use_are_refused(run, folder, words):
+    assert run("rig", folder, *words).code == 2
+
+
+def test_a_place_that_is_none(run, folder):
+    assert run("rig", folder, "--at", "0,nan,3").code == 3

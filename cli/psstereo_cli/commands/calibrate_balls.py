@@ -88,10 +88,11 @@ def calibrate_balls(
     from psstereo.io.rig_writer import require_rig_place
     from psstereo_cli.ball_inputs import ball_pictures
     from psstereo_cli.cameras import described_camera, parse_response
-    from psstereo_cli.console import say
+    from psstereo_cli.console import progress_bars, say
     from psstereo_cli.rig_saving import save_rig
 
     require_rig_place(out, overwrite=overwrite)
+    _require_whole(white, white_albedo, matrix, ball_radius)
     reach = _reach(lamps)
     camera = described_camera(matrix, None)
     curve = parse_response(response)
@@ -107,7 +108,8 @@ def calibrate_balls(
         dark=dark,
     )
     source = f"highlights on {len(pictures)} mirror ball{'s' if len(pictures) > 1 else ''}"
-    found = calibrate_mirror_balls(pictures, reach=reach, source=source)
+    with progress_bars() as progress:
+        found = calibrate_mirror_balls(pictures, reach=reach, source=source, progress=progress)
     rig = RigFile(
         rig=found.rig,
         names=pictures[0].stack.names if by_name else (),
@@ -126,6 +128,22 @@ def calibrate_balls(
     if not as_json:
         for one in compared:
             say(one["sentence"])
+
+
+def _require_whole(white: str | None, white_albedo: float, matrix: str | None, ball_radius: float) -> None:
+    """Refuse figures that nothing would be done with."""
+    from psstereo.errors import OptionError
+
+    for what, lonely, other in (
+        ("--white-albedo", white is None and white_albedo != 1.0, "--white"),
+        ("--ball-radius", matrix is None and ball_radius != 1.0, "--K"),
+    ):
+        if lonely:
+            raise OptionError(
+                given=f"{what} is given without {other}.",
+                needed=f"It is used with {other} only.",
+                remedy=f"Give {other} too, or leave {what} out.",
+            )
 
 
 def _reach(words: str) -> "Reach | None":
@@ -177,11 +195,11 @@ def _cropped(rig: "RigFile", words: str) -> "RigFile":
     from psstereo_cli.execution import parse_floats
 
     x, y, scale = parse_floats(words, 3, "object's crop X,Y,SCALE")
-    if not scale > 0:
+    if not (np.isfinite([x, y, scale]).all() and scale > 0):
         raise OptionError(
-            given=f"The scale of the object's images is {scale}.",
-            needed="How many of their pixels one of the frame is, above 0.",
-            remedy="Give 0.5 for images of half the resolution.",
+            given=f"The object's crop is {words!r}.",
+            needed="Column and row in the frame, and how many of its pixels one of the frame is, above 0.",
+            remedy="Give 100,50,0.5 for images of half the resolution that begin there.",
         )
     note = f"In the pixels of images that begin at {x:g}, {y:g} of the frame, {scale:g} of which are one of it."
     camera = rig.camera

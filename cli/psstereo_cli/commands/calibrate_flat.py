@@ -38,27 +38,26 @@ def calibrate_flat(
     A file flat.npy or flat.png beside a folder's photographs is used by itself; elsewhere say flat = "flat.npy" in
     capture.toml.
     """
+    import io
+
     import numpy as np
 
     from psstereo.calibrate.flat_field import flat_from_frames
-    from psstereo.errors import ExistingResultError, OptionError
+    from psstereo.errors import OptionError
+    from psstereo.io.flat_file import is_flat_light
     from psstereo.io.parts import read_dark
+    from psstereo.io.rti_planes import put_file, require_file_place
     from psstereo.stack import FileStack
     from psstereo_cli.camera_findings import add_to_rig, require_rig, tell_finding
     from psstereo_cli.cameras import parse_response
 
-    if out.suffix.lower() != ".npy" or not out.absolute().parent.is_dir():
+    if out.suffix.lower() != ".npy":
         raise OptionError(
             given=f"The flat field is to be written to {out}.",
-            needed="A name that ends in .npy, in a folder that exists.",
+            needed="A name that ends in .npy.",
             remedy="Write -o flat.npy.",
         )
-    if out.exists() and not overwrite:
-        raise ExistingResultError(
-            given=f"{out} exists.",
-            needed="It is not replaced without being asked for.",
-            remedy="Add --overwrite, or choose another name with -o.",
-        )
+    require_file_place(out, overwrite=overwrite, ours=is_flat_light, kind="flat field")
     require_rig(add_to)
     stack, curve = FileStack(tuple(photographs)), parse_response(response)
     found = flat_from_frames(
@@ -68,8 +67,12 @@ def calibrate_flat(
         white=stack.white if stack.saturates else None,
         smooth=smooth,
     )
-    np.save(out, found.light)
-    add_to_rig(add_to, f"The flat field was found from {len(stack)} photographs.", flat=out.absolute())
+    data = io.BytesIO()
+    np.save(data, found.light)
+    put_file(out, data.getvalue(), overwrite=overwrite, ours=is_flat_light, kind="flat field")
+    add_to_rig(
+        add_to, f"The flat field was found from {len(stack)} photograph{'s' * (len(stack) != 1)}.", flat=out.absolute()
+    )
     rows = [
         ("corners", f"{found.corners:.1%} of the light of the middle"),
         ("noise of a gain", "not told by one photograph" if np.isnan(found.noise) else f"{found.noise:.3%}"),

@@ -42,25 +42,17 @@ def calibrate_lens(
     import numpy as np
 
     from psstereo.calibrate.lens_target import lens_from_pictures
-    from psstereo.errors import ExistingResultError, OptionError
-    from psstereo.io.lens_file import lens_text
+    from psstereo.io.lens_file import is_lens_file, lens_text
+    from psstereo.io.rti_planes import put_file, require_file_place
     from psstereo.stack import FileStack
     from psstereo_cli.camera_findings import add_to_rig, require_rig, tell_finding
 
-    if out.exists() and not overwrite:
-        raise ExistingResultError(
-            given=f"{out} exists.",
-            needed="It is not replaced without being asked for.",
-            remedy="Add --overwrite, or choose another name with -o.",
-        )
-    if not out.absolute().parent.is_dir():
-        raise OptionError(
-            given=f"The folder of {out} does not exist.", needed="One that exists.", remedy="Choose another with -o."
-        )
+    require_file_place(out, overwrite=overwrite, ours=is_lens_file, kind="file of a camera and its lens")
     require_rig(add_to)
     stack, printed = FileStack(tuple(pictures)), _board(board, marker, dictionary)
     found = lens_from_pictures([stack.frame(i) for i in range(len(stack))], printed, model=model)
-    out.write_text(lens_text(found.camera, found.lens), encoding="utf-8")
+    text = lens_text(found.camera, found.lens).encode("utf-8")
+    put_file(out, text, overwrite=overwrite, ours=is_lens_file, kind="file of a camera and its lens")
     made = f"Camera and lens were found from {len(found.used)} pictures of a board."
     add_to_rig(add_to, made, camera=found.camera, lens=found.lens)
     unused = [stack.names[i] for i in range(len(stack)) if i not in found.used]

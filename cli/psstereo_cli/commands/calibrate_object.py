@@ -44,6 +44,10 @@ def calibrate_object(
     from psstereo_cli.rig_saving import save_rig
 
     require_rig_place(out, overwrite=overwrite)
+    if doubt != 3.0 and not refine:
+        raise typer.BadParameter(
+            "directions are in doubt only where they are found; add --refine", param_hint="--doubt"
+        )
     weights = parse_floats(gray, None, "gray") if "," in gray else gray
     with progress_bars() as progress, threaded(threads or available_threads()) as over:
         capture, _ = load_capture(

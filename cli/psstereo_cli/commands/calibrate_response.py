@@ -46,6 +46,7 @@ def calibrate_response(
 
     require_rig(add_to)
     folder = len(photographs) == 1 and photographs[0].is_dir()
+    _require_used(folder, times, model, mask)
     found = _from_shading(photographs[0], mask) if folder else _from_exposures(photographs, times, model)
     how = f"the shading of {photographs[0].name}" if folder else f"{len(photographs)} exposures"
     add_to_rig(add_to, f"The response was found from {how}.", response=found.response)
@@ -70,6 +71,19 @@ def calibrate_response(
         "from": "shading" if folder else "exposures",
     }
     tell_finding(found.quality, rows, record, rig=add_to, as_json=as_json)
+
+
+def _require_used(folder: bool, times: str | None, model: str, mask: str | None) -> None:
+    """Refuse options that nothing would be done with."""
+    idle = {"--times": times is not None, "--model curve": model == "curve"} if folder else {"--mask": mask is not None}
+    for name, given in idle.items():
+        if given:
+            raise typer.BadParameter(
+                "the shading of a capture folder tells a gamma, without times"
+                if folder
+                else "only of a capture folder",
+                param_hint=name,
+            )
 
 
 def _from_exposures(photographs: list[Path], times: str | None, model: str) -> "ResponseFit":

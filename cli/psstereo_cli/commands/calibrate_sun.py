@@ -203,6 +203,12 @@ def _place(paths: tuple[Path, ...], text: str | None) -> "Place":
             needed="Latitude and longitude in degrees, and the height in metres if it is known.",
             remedy="Write it such as --place 51.31,9.48,160.",
         )
+    if not (abs(numbers[0]) <= 90 and abs(numbers[1]) <= 360 and np.isfinite(numbers).all()):
+        raise OptionError(
+            given=f"The place is {text!r}.",
+            needed="A latitude of -90 to 90 degrees, a longitude of -180 to 180 or 0 to 360, and a finite height.",
+            remedy="Latitude comes first, such as --place 51.31,9.48,160.",
+        )
     latitude, longitude = np.radians(numbers[:2])
     return Place(latitude=float(latitude), longitude=float(longitude), height=numbers[2] if numbers[2:] else 0.0)
 
@@ -231,6 +237,12 @@ def _standing(
             given="The standing of the camera is given " + ("twice." if pole and heading is not None else "in part."),
             needed="Either --heading and --pitch, or --pole with --K.",
             remedy="A compass and a level give the former; a vertical and its shadow in a picture the latter.",
+        )
+    if not all(np.isfinite(one) for one in (heading, pitch, roll) if one is not None) or abs(pitch or 0.0) > 90:
+        raise OptionError(
+            given=f"Heading, pitch and roll are {heading}, {pitch} and {roll} degrees.",
+            needed="Finite numbers, the pitch from -90 (straight down) to 90 (straight up).",
+            remedy="Correct the one that is not.",
         )
     if pole is None:
         angles = np.radians([heading or 0.0, pitch or 0.0, roll])

@@ -76,6 +76,26 @@ def convert(
     A normal map with green down: `psstereo convert result/normals.npy n.png --out-frame directx`
     """
     kind = format_of(out, to)
+    family = _NORMALS if kind == _NORMALS else "pictures" if kind in _PICTURES else "lights"
+    said: dict[str, dict[str, object]] = {
+        "lights": {"--size": size, "--distance": distance, "--image-width": image_width},
+        "pictures": {
+            "--basis": basis,
+            "--colour": colour,
+            "--curve": None if curve == "srgb" else curve,
+            "--exposure": None if exposure == 1.0 else exposure,
+            "--quality": quality,
+        },
+        _NORMALS: {
+            "--frame": None if frame == "opengl" else frame,
+            "--out-frame": None if out_frame == "opengl" else out_frame,
+        },
+    }
+    for wanted, options in said.items():
+        for name, value in options.items():
+            if value is not None and wanted != family:
+                raise typer.BadParameter(f"only of {wanted}; {kind} takes none", param_hint=name)
+    _require_other(source, out)
     if kind == _NORMALS:
         record = _normals(source, out, frame, out_frame, overwrite=overwrite)
     elif kind in _PICTURES:
@@ -83,6 +103,18 @@ def convert(
     else:
         record = _lights(source, out, kind, origin, size, distance, image_width, overwrite=overwrite)
     _tell({"in": str(source), "out": str(out), "to": kind, **record}, as_json=as_json)
+
+
+def _require_other(source: Path, out: Path) -> None:
+    """Refuse to write over what is read, which would be lost."""
+    from psstereo.errors import OptionError
+
+    if source.is_file() and out.exists() and out.samefile(source):
+        raise OptionError(
+            given=f"{out} is what is to be converted.",
+            needed="Another name, so that it stays.",
+            remedy="Choose another name.",
+        )
 
 
 def format_of(out: Path, to: str | None) -> str:
@@ -179,14 +211,18 @@ def _picture(
     overwrite: bool,
 ) -> dict[str, Any]:
     from psstereo.forward.polynomial_maps import fit_polynomial_maps
-    from psstereo.io.ptm_file import write_ptm
-    from psstereo.io.rti_file import write_rti
+    from psstereo.io.ptm_file import PTM_HEADS, write_ptm
+    from psstereo.io.rti_file import RTI_HEADS, write_rti
+    from psstereo.io.rti_planes import begins_with, require_file_place
     from psstereo.io.web_relight import write_web_relight
     from psstereo_cli.console import progress_bars
     from psstereo_cli.loading import load_capture
 
     if quality is not None and kind != "web":
         raise typer.BadParameter("only the planes of a web folder can be JPEG", param_hint="--quality")
+    if kind != "web":
+        heads = PTM_HEADS if kind == "ptm" else RTI_HEADS
+        require_file_place(out, overwrite=overwrite, ours=begins_with(*heads), kind=f".{kind} file")
     series = basis or _PICTURES[kind]
     with progress_bars() as progress:
         capture, _ = load_capture(
@@ -219,19 +255,39 @@ def _picture(
 
 
 def _normals(source: Path, out: Path, frame: str, out_frame: str, *, overwrite: bool) -> dict[str, Any]:
-    from psstereo.errors import ExistingResultError
     from psstereo.io import read_normal_map, write_normal_map
+    from psstereo.io.rti_planes import require_file_place
 
     path = source / "normals.npy" if (source / "normals.npy").is_file() else source
     found = read_normal_map(path, convention=frame)
-    if out.exists() and not (overwrite and out.is_file()):
-        raise ExistingResultError(
-            given=f"{out} is there already.",
-            needed="It is not replaced without being asked for.",
-            remedy="Add --overwrite, or choose another name.",
-        )
+    require_file_place(out, overwrite=overwrite, ours=_is_normal_map, kind="normal map")
     write_normal_map(found.normals, out, convention=out_frame)
     return {"pixels": int(found.mask.sum()), "frame": out_frame, "notes": list(found.notes), "left_out": []}
+
+
+def _is_normal_map(path: Path) -> bool:
+    """Return whether most of a file's vectors have the length 1, in any frame; those of photographs do not."""
+    import numpy as np
+
+    from psstereo.errors import PsstereoError
+    from psstereo.stack.decode import decode_image
+
+    try:
+        image = decode_image(path)
+    except PsstereoError:
+        return False
+    if image.ndim != 3 or image.shape[2] < 3:
+        return False
+    whole = image.dtype.kind == "u"
+    found = image[..., :3] / float(np.iinfo(image.dtype).max) if whole else image[..., :3].astype(np.float64)
+    found = found[np.isfinite(found).all(axis=-1) & found.any(axis=-1)]
+    for z in (2 * found[:, 2] - 1, found[:, 2]) if whole else (found[:, 2],):  # Meshroom's blue goes from 0 to 1
+        x, y = (2 * found[:, :2] - 1).T if whole else found[:, :2].T
+        length = np.sqrt(x * x + y * y + z * z)
+        length = length[length > 0.1]  # gray is a vector of no length: background
+        if length.size and float((np.abs(length - 1) < 0.1).mean()) > 0.9:
+            return True
+    return False
 
 
 def _tell(record: dict[str, Any], *, as_json: bool) -> None:

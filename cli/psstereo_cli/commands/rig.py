@@ -59,9 +59,20 @@ def rig(
     from psstereo.io.light_bridge import read_lights
 
     if (file is None) == (lights is None):
-        raise typer.BadParameter("name a file of lights to rate, or give --lights N for a proposal", param_hint="FILE")
+        raise typer.BadParameter(
+            "name a file of lights to rate, or give --lights N for a proposal" + (", not both" if file else ""),
+            param_hint="FILE",
+        )
+    idle = {"--max-tilt": max_tilt != 60.0, "--cone": cone != 80.0, "--shape": shape != "rings"}
+    if lights is None and any(idle.values()):
+        name = next(name for name, given in idle.items() if given)
+        raise typer.BadParameter("only of a proposal, with --lights; a rating shows all tilts", param_hint=name)
+    if lights is not None and at is not None:
+        raise typer.BadParameter("only of lamps that are rated; a proposal has distant lights", param_hint="--at")
     if out is not None and lights is None:
         raise typer.BadParameter("only a proposal is written; psstereo convert writes other lights", param_hint="-o")
+    if picture is not None:
+        _require_picture(picture, overwrite=overwrite)
     if lights is None and file is not None:
         table = read_lights(file)
         record = _rated(table, at)
@@ -76,10 +87,17 @@ def rig(
 
 
 def _rated(table: "LightTable", at: str | None) -> dict[str, Any]:
+    import math
+
     from psstereo.calibrate.rig_rating import assess_rig
+    from psstereo.errors import OptionError
     from psstereo_cli.execution import parse_floats
 
     point = None if at is None else parse_floats(at, 3, "place of the object (X,Y,Z)")
+    if point is not None and not all(math.isfinite(one) for one in point):
+        raise OptionError(
+            given=f"The place of the object is {at!r}.", needed="Three finite numbers X,Y,Z.", remedy="Correct them."
+        )
     errors = None if table.file is None else table.file.quality.direction_error
     rating = assess_rig(table.rig, direction_error=errors, point=point)
     return {
@@ -122,13 +140,13 @@ def _proposed(
 
 def _write(out: Path, found: "RigProposal", max_tilt: float, *, overwrite: bool) -> tuple[str, ...]:
     """Write the proposed lights, and return what the format has no place for."""
-    from psstereo.io.light_bridge import LIGHT_FORMATS, LightTable, write_lights
+    from psstereo.io.light_bridge import LightTable, write_lights
     from psstereo.io.rig_file import RigFile, RigQuality
     from psstereo_cli.commands.convert import format_of
 
+    if out.suffix.lower() not in (".toml", ".lp", ".dome", ".json"):
+        raise typer.BadParameter(f"{out.name} does not end in .toml, .lp, .dome or .json", param_hint="-o")
     kind = format_of(out, None)
-    if kind not in LIGHT_FORMATS:
-        raise typer.BadParameter(f"{out.name} is no file of lights", param_hint="-o")
     made = RigFile(
         rig=found.rig,
         quality=RigQuality(verdict=found.rating.verdict),
@@ -178,7 +196,23 @@ def _draw(path: Path, directions: list[list[float]], names: tuple[str, ...], *, 
     from psstereo.report.light_plot import light_plot
 
     drawn = light_plot(np.array(directions), names).replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1)
-    put_file(path, drawn.replace(">", f">{_STYLE}", 1).encode("utf-8"), overwrite=overwrite)
+    data = drawn.replace(">", f">{_STYLE}", 1).encode("utf-8")
+    put_file(path, data, overwrite=overwrite, ours=_is_picture, kind="picture (.svg)")
+
+
+def _require_picture(path: Path, *, overwrite: bool) -> None:
+    """Refuse a place for the picture, before the lights are written."""
+    from psstereo.io.rti_planes import require_file_place
+
+    if path.suffix.lower() != ".svg":
+        raise typer.BadParameter(f"{path.name} does not end in .svg", param_hint="--picture")
+    require_file_place(path, overwrite=overwrite, ours=_is_picture, kind="picture (.svg)")
+
+
+def _is_picture(path: Path) -> bool:
+    from psstereo.io.rti_planes import begins_with
+
+    return begins_with(b"<svg ", b"<?xml")(path)
 
 
 def _tell(record: dict[str, Any], *, as_json: bool) -> None:

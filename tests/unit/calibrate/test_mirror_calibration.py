@@ -173,12 +173,15 @@ def test_what_one_ball_does_not_show_another_may(ball, image):
     frames = np.stack([image, image, image])
     dark = frames.copy()
     dark[1] = 0
-    both = [BallPictures(stack=MemoryStack(x), ball=one) for x, one in ((frames, ball), (dark, ball.moved(0.0, 0.0)))]
+    aside = BallPictures(stack=MemoryStack(dark), ball=ball.moved(300.0, 0.0), corner=(300.0, 0.0))
+    both = [BallPictures(stack=MemoryStack(frames), ball=ball), aside]
     found = calibrate_mirror_balls(both)
     assert found.highlights[1][1] is None
     assert any("left out of picture 2" in note for note in found.notes)
     with pytest.raises(InputError, match="nothing is brighter"):
         calibrate_mirror_balls(both[1:])
+    with pytest.raises(InputError, match="Balls 1 and 2 are 0 px apart"):
+        calibrate_mirror_balls([both[0], both[0]])
     with pytest.raises(InputError, match="2 balls with 3, 1 pictures"):
         calibrate_mirror_balls([both[0], BallPictures(stack=MemoryStack(frames[:1]), ball=ball)])
     with pytest.raises(InputError, match="no pictures"):
@@ -186,3 +189,16 @@ def test_what_one_ball_does_not_show_another_may(ball, image):
     other = Ball(seen=ball.seen, camera=Orthographic(pixel_size=2.0))
     with pytest.raises(InputError, match="different cameras"):
         calibrate_mirror_balls([both[0], BallPictures(stack=MemoryStack(frames), ball=other)])
+
+
+def test_a_ball_that_moved_far_is_found_where_it_went():
+    """By a quarter of its radius, more than an outline is followed, before a dark wall."""
+    shape, places = (110, 130), [(55.0, 55.0)] * 4 + [(65.0, 55.0)]
+    lights = [Directional(direction=d, strength=1.0) for d in (*TOWARD, TOWARD[0])]
+    frames = []
+    for (x, y), light in zip(places, lights, strict=True):
+        seen = Ball.circle(x, y, 40.0)
+        frames.append(mirror_ball_picture(seen, light, shape, size=0.06, samples=3, surroundings=0.3))
+    stack = MemoryStack(np.stack(frames))
+    with pytest.raises(InputError, match=r"\+(9|10)\.\d px to the right"):
+        calibrate_mirror_balls([BallPictures(stack=stack, ball=Ball.circle(55.0, 55.0, 40.0))])

@@ -8,7 +8,14 @@ import pytest
 from psstereo.camera import Orthographic, Pinhole
 from psstereo.camera.lens import Lens
 from psstereo.capture import Capture
-from psstereo.errors import ExistingResultError, InputError, PsstereoError, UnreadableFileError, UnsupportedError
+from psstereo.errors import (
+    ExistingResultError,
+    InputError,
+    MissingFileError,
+    PsstereoError,
+    UnreadableFileError,
+    UnsupportedError,
+)
 from psstereo.io.rig_file import RigFile, RigQuality, is_rig_file, read_rig
 from psstereo.io.rig_use import with_rig
 from psstereo.io.rig_writer import write_rig
@@ -159,3 +166,11 @@ def test_lights_go_to_images_by_order_where_names_are_others():
     assert any("By hand." in note for note in used.notes)
     with pytest.raises(InputError, match="4 lights; the capture has 3 images"):
         with_rig(capture(("1.png", "2.png", "3.png")), rig, "rig.toml")
+
+
+def test_a_file_that_is_missing_or_empty_is_told_as_a_rig_file(tmp_path):
+    (tmp_path / "empty.toml").touch()
+    for name, kind in (("no.toml", MissingFileError), ("empty.toml", UnreadableFileError)):
+        with pytest.raises(kind, match="rig file") as caught:
+            read_rig(tmp_path / name)
+        assert "image" not in str(caught.value)
