@@ -253,7 +253,8 @@ def _factor(basis: str, directions: FloatArray) -> tuple[FloatArray, FloatArray]
             f"{condition:.2g}).",
             needed="Lights at several angles from the view; those of one ring cannot tell how brightness changes "
             "across it.",
-            remedy="Add a light near the camera, or a second ring.",
+            remedy="Add a light near the camera, or a second ring"
+            + (", or take a series of fewer terms: --basis hsh4." if terms > 4 else "."),
         )
     return q, r
 
