@@ -22,7 +22,10 @@ _STYLE = (
 
 def rig(
     file: Annotated[
-        Path | None, typer.Argument(help="Lights to rate: a rig file, .lp, .dome, lights of Meshroom, LUCES or near_ps, or a capture.")
+        Path | None,
+        typer.Argument(
+            help="Lights to rate: a rig file, .lp, .dome, lights of Meshroom, LUCES or near_ps, or a capture."
+        ),
     ] = None,
     lights: Annotated[int | None, typer.Option(help="Propose places for so many lights instead.")] = None,
     max_tilt: Annotated[
