@@ -107,6 +107,7 @@ def _materials(
     values: FloatArray, share: FloatArray, columns: FloatArray, amounts: FloatArray, count: int
 ) -> FloatArray:
     """Return materials (q, k) of which every pixel's brightness is a non-negative sum, all pixels counting the same."""
+    values = np.where(np.isfinite(values), values, np.nan)
     own = np.array([float(lobe.kind != CONSTANT) for lobe in LOBES])
     top = np.nanquantile(values, 0.95, axis=1)
     w = np.where(np.isfinite(values) & (share <= 1.0), share, 0.0)

@@ -87,7 +87,9 @@ def test_a_quarter_turn_of_the_picture_turns_the_normals(method):
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     rig = Rig.distant(capture.rig.directions @ quarter.T, capture.rig.strengths(1))
     second = estimate_normals(with_images(capture, images, rig=rig, mask=np.rot90(capture.mask).copy()), method())
-    np.testing.assert_allclose(second.normals, np.rot90(first.normals) @ quarter.T, rtol=0, atol=1e-11)
+    # What is learnt of an object is a sum over pixels, in another order here.
+    rounding = 1e-9 if method().learns_from else 1e-11
+    np.testing.assert_allclose(second.normals, np.rot90(first.normals) @ quarter.T, rtol=0, atol=rounding)
 
 
 @settings(max_examples=10)

@@ -1,5 +1,7 @@
 """The exemplar solver on materials of the forward model, on matte ones, and on photographs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,7 +51,7 @@ def plastic(albedo=0.5, roughness=0.45):
 
 @pytest.mark.parametrize("roughness", [0.25, 0.45, 0.7])
 def test_a_third_of_the_error_of_least_squares_on_plastic(roughness):
-    directions, normals = spiral(60, max_tilt=0.9), some_normals(600)
+    directions, normals = spiral(60, max_tilt=0.9), some_normals(250)
     values = rendered(plastic(roughness=roughness), directions, normals)
     plain, robust, found = (angles(solve(s, directions, values).scaled, normals).mean()
                             for s in (LeastSquares(), Robust(), Exemplar()))  # fmt: skip
@@ -58,7 +60,7 @@ def test_a_third_of_the_error_of_least_squares_on_plastic(roughness):
 
 
 def test_rough_matte_material_that_is_not_in_the_dictionary():
-    directions, normals = spiral(60, max_tilt=0.9), some_normals(600)
+    directions, normals = spiral(60, max_tilt=0.9), some_normals(250)
     values = rendered(OrenNayar(albedo=np.full(1, 0.6), roughness=np.full(1, 0.5)), directions, normals)
     robust, found = (angles(solve(s, directions, values).scaled, normals).mean() for s in (Robust(), Exemplar()))
     assert found < 0.6 * robust
@@ -173,7 +175,11 @@ def test_few_lights_are_refused():
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "bound"), [("diligent/ballPNG", 1.33), ("diligent/catPNG", 4.88)])
 def test_photographs_of_the_benchmark(data_dir, name, bound):
-    """The bounds are the best that is published without training."""
+    """The bounds are the best that is published without training; of the larger object one pixel of nine is taken."""
     capture, truth = read_capture(data_dir / name)
+    thin = np.zeros(capture.shape, np.bool_)
+    step = 3 if name.endswith("catPNG") else 1
+    thin[::step, ::step] = True
+    capture = replace(capture, mask=capture.effective_mask & thin)
     found = estimate_normals(capture, Exemplar())
     assert summarise_angles(found.normals, truth.normals, capture.mask).mean_deg < bound
