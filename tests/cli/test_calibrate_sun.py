@@ -130,3 +130,10 @@ def test_an_equinox_is_refused_without_photographs(run, tmp_path):
 )
 def test_words_that_do_not_do(run, tmp_path, words, reason):
     refused(run("calibrate", "sun", *words, "-o", tmp_path / "rig.toml"), reason)
+
+
+def test_a_mask_that_nothing_looks_through_is_refused(run, tmp_path):
+    paths = photographs(tmp_path, latitude=51.31)
+    words = (*paths, "-o", tmp_path / "rig.toml", "--place", PLACE, "--heading", 0, "--pitch", -90, "--no-check")
+    refused(run("calibrate", "sun", *words, "--mask", tmp_path / "mask.png"), "no photograph is looked at")
+    assert not (tmp_path / "rig.toml").exists()

@@ -100,6 +100,9 @@ def calibrate_sun(
 
     require_rig_place(out, overwrite=overwrite)
     paths = tuple(photographs or ())
+    looked_at = bool(paths) and (sky or (check and len(paths) >= 3))
+    if not looked_at:
+        _require_no_mask(mask)
     times = _times(paths, time or [], zone)
     where = _place(paths, place)
     rotation = _standing(times[0], where, heading, pitch, roll, pole, matrix)
@@ -115,7 +118,7 @@ def calibrate_sun(
         worst_condition=worst_condition,
     )
     curve = parse_response(response)
-    seen = _capture(paths, found.rig, mask, curve) if paths and (sky or (check and len(paths) >= 3)) else None
+    seen = _capture(paths, found.rig, mask, curve) if looked_at else None
     side = _side(seen, times, where, rotation) if seen is not None and check and len(paths) >= 3 else None
     skies = _sky(seen, rotation) if sky else {}
     rig = RigFile(
@@ -144,6 +147,18 @@ def calibrate_sun(
     save_rig(out, rig, overwrite=overwrite, as_json=as_json, facts=facts)
     if skies and not as_json:
         say(skies["verdict"])
+
+
+def _require_no_mask(mask: str | None) -> None:
+    """Refuse a mask where no photograph is looked at: it would be ignored."""
+    from psstereo.errors import OptionError
+
+    if mask is not None:
+        raise OptionError(
+            given=f"The mask {mask} is given, and no photograph is looked at.",
+            needed="It is for the check of the clock, which takes three photographs or more, or for --sky.",
+            remedy="Name the photographs, take --no-check out, or leave --mask out.",
+        )
 
 
 def _times(paths: tuple[Path, ...], given: list[str], zone: str | None) -> list[datetime]:
