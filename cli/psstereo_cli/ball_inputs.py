@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from psstereo.errors import InputError, MissingFileError, OptionError
 
 if TYPE_CHECKING:
-    from psstereo.calibrate.ball_pictures import BallPictures
-    from psstereo.calibrate.balls import Ball
+    from psstereo.calibrate.balls import Ball, BallPictures
     from psstereo.camera import Camera
     from psstereo.stack import FileStack, Response
     from psstereo.types import FloatArray
@@ -61,7 +60,7 @@ def ball_pictures(
     notes : tuple of str
         A sentence on each.
     """
-    from psstereo.calibrate.ball_pictures import BallPictures
+    from psstereo.calibrate.balls import BallPictures
     from psstereo.io.parts import read_dark
     from psstereo_cli.execution import parse_floats
 
@@ -115,7 +114,7 @@ class _Place:
 
     def ball(self, said: str | None, folder: Path, outline: Path | None) -> tuple["Ball", str]:
         """Return the ball in the pictures' own columns and rows, and a sentence on it."""
-        from psstereo.calibrate.ball_outline import refine_outline
+        from psstereo.calibrate.balls import refine_outline
 
         picture = None if outline is None else _gray(outline, self.stack)
         found, note = self._rough(said, folder, picture, outline)
@@ -148,8 +147,7 @@ class _Place:
     def _of_numbers(self, numbers: tuple[float, ...], said: str, origin: str | None = None) -> "Ball":
         import numpy as np
 
-        from psstereo.calibrate.ball_outline import ball_from_points
-        from psstereo.calibrate.balls import Ball
+        from psstereo.calibrate.balls import Ball, ball_from_points
 
         if len(numbers) != 3 and (len(numbers) < 6 or len(numbers) % 2):
             raise OptionError(
@@ -167,7 +165,7 @@ class _Place:
         return ball_from_points(places, self.camera, radius=self.radius)
 
     def _of_file(self, path: Path) -> tuple["Ball", str]:
-        from psstereo.calibrate.ball_outline import ball_from_mask
+        from psstereo.calibrate.balls import ball_from_mask
         from psstereo.io.mask_file import read_mask
         from psstereo.io.text import read_table
         from psstereo.stack.decode import IMAGE_SUFFIXES
@@ -187,7 +185,7 @@ class _Place:
     def _searched(self, picture: "FloatArray | None", outline: Path | None) -> tuple["Ball", str]:
         import numpy as np
 
-        from psstereo.calibrate.ball_search import find_balls
+        from psstereo.calibrate.balls import find_balls
 
         if picture is None:
             picture = np.max([self.stack.frame(i).mean(axis=-1) for i in range(len(self.stack))], axis=0)

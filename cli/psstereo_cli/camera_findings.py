@@ -1,4 +1,4 @@
-"""What commands that calibrate the camera have in common: the verdict, and the rig file that is to know it too."""
+"""What commands that calibrate the camera have in common: pictures, the verdict, the rig file that is to know it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,8 +6,33 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from psstereo.io.rig_file import RigFile, RigQuality
+    from psstereo.stack import ImageStack
+    from psstereo.types import Array, Progress
 
-__all__ = ["add_to_rig", "require_rig", "tell_finding"]
+__all__ = ["add_to_rig", "all_frames", "require_rig", "tell_finding"]
+
+
+def all_frames(stack: "ImageStack", progress: "Progress") -> list["Array"]:
+    """Read all pictures.
+
+    Parameters
+    ----------
+    stack : ImageStack
+        The pictures.
+    progress : callable
+        Told how many have been read.
+
+    Returns
+    -------
+    list of array
+        Their values, as the camera gave them.
+    """
+    frames: list[Array] = []
+    for index in range(len(stack)):
+        progress("pictures read", index, len(stack))
+        frames.append(stack.frame(index))
+    progress("pictures read", len(stack), len(stack))
+    return frames
 
 
 def add_to_rig(path: Path | None, made: str, **found: Any) -> None:

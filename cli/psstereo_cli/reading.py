@@ -81,7 +81,7 @@ def read_otherwise(capture: "Capture", options: ReadingOptions, *, over: Map = m
             remedy="Leave it out if nothing moved.",
         )
     if options.register is not None:
-        from psstereo.calibrate.registration_capture import registered
+        from psstereo.calibrate.registration import registered
 
         capture, _ = registered(capture, model=options.register, over=over, progress=progress)
     return binned(capture, options.size)

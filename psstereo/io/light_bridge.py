@@ -4,14 +4,17 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from psstereo.catalogue import choose
-from psstereo.errors import ExistingResultError, InputError, MissingFileError
+from psstereo.errors import InputError, MissingFileError
 from psstereo.io.atomic import new_folder
 from psstereo.io.light_bridge_both import DomeLights, RigLights
-from psstereo.io.light_bridge_distant import DiligentLights, LpLights, MeshroomLights, PsBoxLights
+from psstereo.io.light_bridge_distant import DiligentLights, LpLights, MeshroomLights, PsBoxLights, matrix_of_lights
 from psstereo.io.light_bridge_lamps import LucesLights, NearPsLights
 from psstereo.io.light_bridge_table import LightFormat, LightTable
+from psstereo.io.one_file import require_file_place
 from psstereo.io.read import read_capture, recognise
 from psstereo.io.reader import Choices
+from psstereo.io.rig_file import meant_as_rig_file
+from psstereo.stack.decode import IMAGE_SUFFIXES
 
 __all__ = ["LIGHT_FORMATS", "LightFormat", "LightTable", "read_lights", "write_lights"]
 
@@ -37,9 +40,10 @@ def read_lights(path: Path, *, kind: str | None = None) -> LightTable:
     Parameters
     ----------
     path : Path
-        A file or folder of a format of lights, or a capture.
+        A file or folder of a format of lights, a capture, or a matrix of directions as text, ``.npy`` or ``.mat``.
     kind : str, optional
-        A key of :data:`LIGHT_FORMATS`; found out if absent.
+        A key of :data:`LIGHT_FORMATS`; found out if absent. ``diligent`` reads a matrix of one light a row, ``psbox``
+        one of one light a column.
 
     Returns
     -------
@@ -66,6 +70,8 @@ def read_lights(path: Path, *, kind: str | None = None) -> LightTable:
     fits = [one for one in LIGHT_FORMATS.values() if one.recognise(path)]
     if fits:
         return fits[0].read(path)
+    if meant_as_rig_file(path):
+        return RigLights().read(path)  # which says what is wrong with it
     if (path / "light_directions.txt").is_file():
         raise InputError(
             given=f"light_directions.txt in {path} holds 3 × 3 numbers, or neither three rows nor three columns.",
@@ -75,9 +81,11 @@ def read_lights(path: Path, *, kind: str | None = None) -> LightTable:
     if recognise(path):
         capture, _ = read_capture(path, choices=Choices(truth=False))
         return LightTable.of_capture(capture)
+    if path.is_file() and path.suffix.lower() not in IMAGE_SUFFIXES - {".npy"}:
+        return matrix_of_lights(path)
     raise InputError(
         given=f"{path} is of no format of lights that is known, and no capture.",
-        needed=f"One of {', '.join(LIGHT_FORMATS)}.",
+        needed=f"One of {', '.join(LIGHT_FORMATS)}, or a text of directions, x y z of one light a line.",
         remedy="Name the file of the lights, and --from its format.",
     )
 
@@ -118,7 +126,8 @@ def write_lights(path: Path, table: LightTable, kind: str, *, overwrite: bool = 
                 (work / name).parent.mkdir(exist_ok=True)
                 save(work / name)
         return form.left_out(table)
-    _require_place(path, form, overwrite=overwrite)
+    words = f"file of the format {form.name}"
+    require_file_place(path, overwrite=overwrite, ours=form.recognise, kind=words)
     partial = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
         files[""](partial)
@@ -126,22 +135,3 @@ def write_lights(path: Path, table: LightTable, kind: str, *, overwrite: bool = 
     finally:
         partial.unlink(missing_ok=True)
     return form.left_out(table)
-
-
-def _require_place(path: Path, form: LightFormat, *, overwrite: bool) -> None:
-    if not path.absolute().parent.is_dir():
-        raise MissingFileError(
-            given=f"The folder {path.absolute().parent} does not exist.",
-            needed="A folder that exists.",
-            remedy="Make it, or choose another name.",
-        )
-    if path.exists():
-        ours = form.recognise(path)
-        if not (ours and overwrite):
-            raise ExistingResultError(
-                given=f"{path} is there already{'' if ours else f', and is no file of the format {form.name}'}.",
-                needed="It is not replaced without being asked for."
-                if ours
-                else "A new name, so that nothing is lost.",
-                remedy="Add --overwrite, or choose another name." if ours else "Choose another name.",
-            )

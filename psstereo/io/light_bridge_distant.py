@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from psstereo.camera import Pinhole
-from psstereo.errors import InputError, UnsupportedError
+from psstereo.errors import InputError, RigError, UnsupportedError
 from psstereo.io.layout_writer import Save, camera_file, numbers, text_file, three
 from psstereo.io.light_bridge_table import LightFormat, LightTable, as_capture, default_names
 from psstereo.io.light_file import read_directions
@@ -20,7 +20,7 @@ from psstereo.io.write_checks import distant_lights
 from psstereo.lights import Rig
 from psstereo.types import FloatArray
 
-__all__ = ["DiligentLights", "LpLights", "MeshroomLights", "PsBoxLights"]
+__all__ = ["DiligentLights", "LpLights", "MeshroomLights", "PsBoxLights", "matrix_of_lights"]
 
 _DIRECTIONS = "light_directions.txt"
 _CIRCLE = "circle_data.txt"
@@ -76,6 +76,8 @@ class DiligentLights(LightFormat):
 
     def read(self, path: Path) -> LightTable:
         """See :meth:`LightFormat.read`."""
+        if path.is_file():
+            return matrix_of_lights(path, layout="rows")
         found = read_directions(path / _DIRECTIONS, layout="rows")
         powers, names = path / "light_intensities.txt", path / "filenames.txt"
         strengths = _strengths(powers, len(found.vectors)) if powers.is_file() else None
@@ -115,6 +117,8 @@ class PsBoxLights(LightFormat):
 
     def read(self, path: Path) -> LightTable:
         """See :meth:`LightFormat.read`."""
+        if path.is_file():
+            return matrix_of_lights(path, layout="columns")
         refined, powers = path / "refined_light.txt", path / "light_strength.txt"
         source = refined if refined.is_file() else path / _DIRECTIONS
         found = read_directions(source, layout="columns")
@@ -173,6 +177,46 @@ class MeshroomLights(LightFormat):
     def files(self, table: LightTable) -> Mapping[str, Save]:
         """See :meth:`LightFormat.files`."""
         return {"": MeshroomWriter().parts(as_capture(table, self.name, lamps=False), None)["lights.json"]}
+
+
+def matrix_of_lights(path: Path, *, layout: str | None = None) -> LightTable:
+    """Read a bare matrix of light directions, the way that ``psstereo reconstruct --lights`` does.
+
+    Parameters
+    ----------
+    path : Path
+        Text, ``.npy`` or ``.mat``.
+    layout : {"rows", "columns"}, optional
+        One light a row or a column, where the numbers cannot tell.
+
+    Returns
+    -------
+    LightTable
+        Directions, all of the strength 1.
+
+    Raises
+    ------
+    InputError
+        If it is no such matrix, rows cannot be told from columns, or a light has no direction.
+    PsstereoError
+        If the file is not there or damaged.
+    """
+    try:
+        found = read_directions(path, layout=layout)
+    except InputError:
+        if layout is not None:
+            raise
+        read_directions(path, layout="rows")  # refused again, unless 3 × 3 numbers were all that was wrong
+        raise InputError(
+            given=f"{path.name} holds 3 × 3 numbers.",
+            needed="It must be known whether a light is a row or a column; the numbers cannot tell.",
+            remedy="psstereo convert makes a rig file of it: --from diligent takes rows, --from psbox columns.",
+        ) from None
+    try:
+        rig = Rig.distant(found.vectors, source=path.name)
+    except RigError as error:
+        raise RigError(given=f"{path.name}: {error.given}", needed=error.needed, remedy=error.remedy) from None
+    return LightTable(rig=rig, source=path.name, notes=found.notes)
 
 
 def _columns(path: Path) -> str:

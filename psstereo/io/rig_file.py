@@ -1,5 +1,6 @@
 """The rig file: what a calibration has found of lights and camera, in one TOML that the next object uses again."""
 
+import re
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +18,7 @@ from psstereo.stack import LINEAR, Response
 from psstereo.stack.decode import read_bytes
 from psstereo.types import FloatArray
 
-__all__ = ["RIG_KEYS", "UNITS", "RigFile", "RigQuality", "is_rig_file", "read_rig"]
+__all__ = ["RIG_KEYS", "UNITS", "RigFile", "RigQuality", "is_rig_file", "meant_as_rig_file", "read_rig"]
 
 UNITS = {"relative": StrengthUnit.RELATIVE, "W/m2": StrengthUnit.IRRADIANCE}
 """Units of lights' strengths, by their words."""
@@ -134,8 +135,26 @@ def is_rig_file(path: Path) -> bool:
     """Return whether a file says that it is a rig file; never raises."""
     try:
         return path.is_file() and "rig" in tomllib.loads(path.read_text("utf-8-sig"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
+
+
+def meant_as_rig_file(path: Path) -> bool:
+    """Return whether a file that may be broken is a rig file rather than a description of a capture; never raises.
+
+    What cannot be parsed is told by its lines: a capture's have images and do not begin with ``rig =``.
+    """
+    if not path.is_file() or path.suffix.lower() != ".toml" or path.name == "capture.toml":
+        return False
+    try:
+        raw = path.read_bytes()
+    except OSError:
+        return False
+    try:
+        values = tomllib.loads(raw.decode("utf-8-sig"))
+    except (ValueError, RecursionError):
+        return not re.search(rb"(?m)^\s*\[images", raw) or bool(re.search(rb"(?m)^\s*rig\s*=", raw))
+    return "rig" in values or "images" not in values
 
 
 def read_rig(path: Path) -> RigFile:
@@ -287,15 +306,26 @@ def _quality(section: Section) -> RigQuality:
 
 
 def _numbers(section: Section, key: str, columns: int | None) -> FloatArray:
-    values = None if isinstance(section.values.get(key), str) else section.matrix(key, columns)
+    values = _rows(section, key, columns)
     if values is None or not np.isfinite(values).all():
         raise section.wrong(key, "finite numbers, written here")
     return values
 
 
+def _rows(section: Section, key: str, columns: int | None) -> FloatArray | None:
+    """Return rows of numbers, which stand in the rig file itself and not in one that it names."""
+    if isinstance(section.values.get(key), str):
+        return None
+    try:
+        return section.matrix(key, columns)
+    except InputError:
+        rows = "a list of numbers" if columns == 1 else f"a list of rows of {columns or 'equally many'} numbers each"
+        raise section.wrong(key, rows) from None
+
+
 def _figures(section: Section, key: str, columns: int) -> FloatArray | None:
     """Return rows of figures, of which nan says that one is not known; None if there are none."""
-    values = None if isinstance(section.values.get(key), str) else section.matrix(key, columns)
+    values = _rows(section, key, columns)
     if key in section.values and (values is None or np.isinf(values).any()):
         raise section.wrong(key, "numbers, written here, or nan where one is not known")
     return values

@@ -1,13 +1,13 @@
 """Rig files written: one TOML that a person can read, and nothing half-written."""
 
 import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from psstereo.camera import Orthographic, Pinhole
-from psstereo.errors import ExistingResultError, UnreadableFileError, UnsupportedError
+from psstereo.errors import UnsupportedError
+from psstereo.io.one_file import put_file, require_file_place
 from psstereo.io.response_section import response_line
 from psstereo.io.rig_file import RigFile, RigQuality, is_rig_file
 from psstereo.io.toml_text import toml_number, toml_rows, toml_text
@@ -16,6 +16,7 @@ from psstereo.types import FloatArray
 
 __all__ = ["require_rig_place", "rig_text", "write_rig"]
 
+_KIND = "rig file"
 _HEAD = """\
 # Lights and camera as a calibration found them: x right, y up, z toward the camera, light vectors toward the light.
 # The next object needs no ball: psstereo reconstruct FOLDER --rig THIS_FILE -o RESULT
@@ -38,31 +39,13 @@ def write_rig(path: Path, rig: RigFile, *, overwrite: bool = False) -> None:
     ------
     ExistingResultError
         If something is in the way.
-    UnreadableFileError
-        If it cannot be written.
+    MissingFileError, UnreadableFileError
+        If its folder does not exist, or cannot be written to.
     UnsupportedError
         If a light is neither directional nor a lamp, or lights of both kinds are mixed.
     """
-    text = rig_text(rig, path.absolute().parent)
-    require_rig_place(path, overwrite=overwrite)
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.absolute().parent)
-    except OSError as error:
-        raise UnreadableFileError(
-            given=f"{path} cannot be written ({error.strerror}).",
-            needed="A folder that exists and that you may write to.",
-            remedy="Choose another name with -o.",
-        ) from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        mask = os.umask(0)
-        os.umask(mask)
-        Path(name).chmod(0o666 & ~mask)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    text = rig_text(rig, path.absolute().parent).encode("utf-8")
+    put_file(path, text, overwrite=overwrite, ours=is_rig_file, kind=_KIND)
 
 
 def require_rig_place(path: Path, *, overwrite: bool) -> None:
@@ -79,24 +62,10 @@ def require_rig_place(path: Path, *, overwrite: bool) -> None:
     ------
     ExistingResultError
         If something is there that nobody asked to replace.
-    UnreadableFileError
+    MissingFileError
         If its folder does not exist.
     """
-    if not path.absolute().parent.is_dir():
-        raise UnreadableFileError(
-            given=f"The folder {path.absolute().parent} does not exist.",
-            needed="A folder that exists.",
-            remedy="Make it, or choose another name with -o.",
-        )
-    if not path.exists():
-        return
-    ours = is_rig_file(path)
-    if not ours or not overwrite:
-        raise ExistingResultError(
-            given=f"{path} exists{'' if ours else ' and is no rig file'}.",
-            needed="It is not replaced without being asked for." if ours else "A new name, so that nothing is lost.",
-            remedy="Add --overwrite, or choose another name with -o." if ours else "Choose another name with -o.",
-        )
+    require_file_place(path, overwrite=overwrite, ours=is_rig_file, kind=_KIND)
 
 
 def rig_text(rig: RigFile, folder: Path) -> str:

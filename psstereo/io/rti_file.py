@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from psstereo.errors import UnsupportedError
-from psstereo.io.rti_planes import RelightPlanes, begins_with, put_file
+from psstereo.io.one_file import begins_with, put_file
+from psstereo.io.rti_planes import RelightPlanes
 
 __all__ = ["RTI_HEADS", "write_rti"]
 

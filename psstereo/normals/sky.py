@@ -76,14 +76,14 @@ class SkyLeastSquares(NormalSolver[SkyState | RigFactor]):
 
     An observation in the shade shows the sky alone and helps, instead of being left out; but what three suns do not
     reach has no normal, for a sky is too smooth to tell one. Not where the
-    sky is not known: :func:`psstereo.calibrate.sky.estimate_sky` finds it from the images. Nor in deep folds, which see
+    sky is not known: :func:`psstereo.calibrate.sun.estimate_sky` finds it from the images. Nor in deep folds, which see
     little of the sky.
 
     Attributes
     ----------
     even : float
         Irradiance of an even sky on level ground over the strongest sun's on what faces it; 0 for no sky. A clear sky
-        has 0.05 to 0.2; :func:`psstereo.calibrate.sky.estimate_sky` tells it. Without a sky this is plain least squares
+        has 0.05 to 0.2; :func:`psstereo.calibrate.sun.estimate_sky` tells it. Without a sky this is plain least squares
         [1].
     zenith : str
         Upward in the camera's frame, three numbers parted by commas; the y axis for a level camera [1].

@@ -86,7 +86,7 @@ def _library(path: Path) -> Any:
         raise OptionError(
             given=f"{path.name} is a RAW file, and rawpy, which decodes it, is not installed.",
             needed="The extra raw.",
-            remedy="Install it with pip install 'psstereo[raw]', or convert the files to linear TIFF of 16 bits.",
+            remedy="Install the package rawpy, or psstereo with its extra 'raw'; or convert to linear TIFF of 16 bits.",
         ) from None
     return rawpy
 

@@ -70,7 +70,9 @@ class MitsubaTwin:
         try:
             import mitsuba as mi
         except ImportError:
-            raise _unsupported("Mitsuba is not installed", "Install it: pip install 'psstereo[test]'.") from None
+            raise _unsupported(
+                "Mitsuba is not installed", "Install the package mitsuba, or psstereo with its extra 'test'."
+            ) from None
         mi.set_variant("scalar_rgb")
         self._mi: Any = mi
         self._scene = scene

@@ -15,6 +15,7 @@ from psstereo.lights import Directional, Led
 from psstereo_cli.commands.calibrate_balls import calibrate_balls
 from psstereo_cli.commands.calibrate_matte import calibrate_matte
 from psstereo_synth.calibration_balls import matte_ball_picture, mirror_ball_picture
+from tests.cli.stages import Stages
 
 TOWARD = np.array([[0.1, 0.2, 1.0], [0.7, 0.2, 0.7], [-0.5, 0.8, 0.5], [-0.4, -0.6, 0.9]])
 TOWARD /= np.linalg.norm(TOWARD, axis=1, keepdims=True)
@@ -178,11 +179,12 @@ def test_two_folders_two_balls_and_the_objects_own_pixels(call, tmp_path):
     np.testing.assert_allclose(half, (got - [200.5, -40.5, 0]) / 2, rtol=0, atol=1e-3 * np.abs(got).max())
 
 
-def test_a_matte_ball_to_directions_strengths_and_level(call, matte, tmp_path):
-    out = tmp_path / "rig.toml"
+def test_a_matte_ball_to_directions_strengths_and_level(call, matte, tmp_path, monkeypatch):
+    out, stages = tmp_path / "rig.toml", Stages(monkeypatch)
     done = call(calibrate_matte, matte, "-o", out, "--ball", "60.4,58.7,40", "--json")
     record, rig = json.loads(done.out), read_rig(out)
     assert off(rig).max() < 0.5
+    assert stages.ended() == ["outlines", "shading"]
     strengths = np.array([light.strength for light in rig.rig.lights])
     np.testing.assert_allclose(strengths[:, 2], [0.4, 0.5, 0.6, 0.7], rtol=0.01)  # files of OpenCV are B, G, R
     np.testing.assert_allclose(strengths[:, 0], 0.3, rtol=0.02)

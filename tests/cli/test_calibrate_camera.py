@@ -20,6 +20,7 @@ from psstereo_cli.commands.calibrate_flat import calibrate_flat
 from psstereo_cli.commands.calibrate_lens import calibrate_lens
 from psstereo_cli.commands.calibrate_response import calibrate_response
 from psstereo_cli.reading import ReadingOptions, read_otherwise
+from tests.cli.stages import Stages
 
 app = typer.Typer()
 app.command("response")(calibrate_response)
@@ -53,13 +54,14 @@ def exposures(folder):
     ]
 
 
-def test_a_response_from_exposures_goes_into_the_rig_file(tmp_path, rig):
-    paths = exposures(tmp_path)
+def test_a_response_from_exposures_goes_into_the_rig_file(tmp_path, rig, monkeypatch):
+    paths, stages = exposures(tmp_path), Stages(monkeypatch)
     record = json.loads(run("response", *paths, "--times", "0.01,0.02,0.04", "--add-to", rig, "--json").stdout)
     assert record["response"] == "gamma"
     assert abs(record["exponent"] / 2.2 - 1) < 2e-3
     assert read_rig(rig).response.exponent == pytest.approx(record["exponent"])
     assert "3 exposures" in read_rig(rig).provenance[-1]
+    assert stages.ended() == ["pictures read", "exposures left out in turn"]
 
 
 def test_a_person_is_told_the_line_for_a_description(tmp_path):
@@ -68,7 +70,8 @@ def test_a_person_is_told_the_line_for_a_description(tmp_path):
     assert "gamma curve" in told
 
 
-def test_a_response_from_shading(tmp_path):
+def test_a_response_from_shading(tmp_path, monkeypatch):
+    stages = Stages(monkeypatch)
     y, x = np.mgrid[-1:1:32j, -1:1:32j]
     inside = x * x + y * y < 0.9
     normals = np.stack([x, y, np.sqrt(np.maximum(1 - x * x - y * y, 0))], -1)
@@ -80,16 +83,19 @@ def test_a_response_from_shading(tmp_path):
     np.savetxt(tmp_path / "lights.txt", lights)
     record = json.loads(run("response", tmp_path, "--json").stdout)
     assert record["from"] == "shading"
+    assert stages.ended()[-2:] == ["looking at images", "exponent"]
     assert abs(record["exponent"] / 1.8 - 1) < 0.01
 
 
-def test_a_flat_field_is_written_and_named(tmp_path, rig):
+def test_a_flat_field_is_written_and_named(tmp_path, rig, monkeypatch):
+    stages = Stages(monkeypatch)
     card = np.linspace(80, 160, 40).astype(np.uint8)[None].repeat(30, axis=0)
     paths = [write(tmp_path / f"card_{i}.png", card) for i in range(2)]
     record = json.loads(run("flat", *paths, "-o", tmp_path / "flat.npy", "--add-to", rig, "--json").stdout)
     light = np.load(tmp_path / "flat.npy")
     np.testing.assert_allclose(light[..., 0], card / np.median(card), rtol=1e-6)
     assert record["dead"] == 0
+    assert stages.ended() == ["pictures read", "white card"]
     assert read_rig(rig).flat.name == "flat.npy"
     with pytest.raises(ExistingResultError):
         run("flat", *paths, "-o", tmp_path / "flat.npy")
@@ -97,8 +103,7 @@ def test_a_flat_field_is_written_and_named(tmp_path, rig):
 
 
 def test_a_lens_is_written_and_read(tmp_path, rig, monkeypatch):
-    from psstereo.calibrate import lens_target
-    from psstereo.calibrate.lens_target import Board
+    from psstereo.calibrate.camera import Board, lens_target
 
     board, camera, lens = Board(columns=7, rows=6), Pinhole(fx=300, fy=302, cx=80, cy=60), Lens((-0.2, 0.03, 0, 0, 0))
     rng = np.random.default_rng(2)
@@ -114,12 +119,14 @@ def test_a_lens_is_written_and_read(tmp_path, rig, monkeypatch):
 
     # finding corners in pictures is tested with the library; here they are exact
     monkeypatch.setattr(lens_target, "find_corners", corners)
+    stages = Stages(monkeypatch)
     paths = [write(tmp_path / f"b{i}.png", np.full((120, 160), 90 * (i != 3), np.uint8)) for i in range(7)]
     out = tmp_path / "camera.toml"
     record = json.loads(run("lens", *paths, "--board", "7x6", "-o", out, "--add-to", rig, "--json").stdout)
     found, glass = read_lens(out)
     np.testing.assert_allclose(found.matrix, camera.matrix, atol=0.1)
     assert record["unused"] == ["b3.png"]
+    assert stages.ended() == ["pictures read", "corners of the board"]
     assert read_rig(rig).lens == glass
     assert read_rig(rig).camera == found
     with pytest.raises(ExistingResultError):
@@ -135,6 +142,7 @@ def test_a_lens_is_written_and_read(tmp_path, rig, monkeypatch):
         (("response", "e0.png", "e1.png", "--times", "1,2", "--add-to", "none.toml"), PsstereoError),
         (("flat", "e0.png", "-o", "flat.jpg"), OptionError),
         (("lens", "e0.png", "--board", "seven", "-o", "c.toml"), OptionError),
+        (("lens", "e0.png", "--board", "9x²", "-o", "c.toml"), OptionError),
         (("lens", "e0.png", "e1.png", "e2.png", "--board", "9x7", "-o", "c.toml"), InputError),
     ],
 )

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from psstereo.calibrate.sun_camera import rotation_from_heading
-from psstereo.calibrate.sun_position import Place, sun_positions
+from psstereo.calibrate.sun import Place, rotation_from_heading, sun_positions
 from psstereo.forward import lambertian_images
 from psstereo.io.rig_file import read_rig
 from psstereo.lights import Rig
@@ -68,7 +67,7 @@ def test_photographs_become_a_rig(run, tmp_path):
     expected = sun_positions([datetime(2026, 6, 21, h, tzinfo=UTC) for h in range(6, 17, 2)], place).directions
     np.testing.assert_allclose(rig.rig.directions, expected, atol=1e-6)
     np.testing.assert_allclose(np.degrees(rig.quality.direction_error), 0.5, atol=0.01)
-    refused(run("calibrate", "sun", *words), "exists")
+    refused(run("calibrate", "sun", *words), "is there already")
     again = run("calibrate", "sun", *words, "--overwrite")
     assert again.out == ""
     assert "condition" in again.err
@@ -130,6 +129,11 @@ def test_an_equinox_is_refused_without_photographs(run, tmp_path):
 )
 def test_words_that_do_not_do(run, tmp_path, words, reason):
     refused(run("calibrate", "sun", *words, "-o", tmp_path / "rig.toml"), reason)
+
+
+def test_a_roll_beside_a_vertical_is_refused(run, tmp_path):
+    words = ("--time", "2026-06-21T12:00Z", "--place", PLACE, "--pole", "610,820,605,300,920,860", "--roll", 5)
+    refused(run("calibrate", "sun", *words, "--K", "900,900,640,480", "-o", tmp_path / "rig.toml"), "roll is 5")
 
 
 def test_a_mask_that_nothing_looks_through_is_refused(run, tmp_path):

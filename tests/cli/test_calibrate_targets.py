@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from psstereo.calibrate.known_shape import sphere_normals
-from psstereo.calibrate.lamps_board import Chessboard
+from psstereo.calibrate.lamps import Chessboard
+from psstereo.calibrate.shape import sphere_normals
 from psstereo.camera import Pinhole
 from psstereo.forward import lambertian_images
 from psstereo.io.rig_file import read_rig
 from psstereo.lights import Led, Rig
+from tests.cli.stages import Stages
 from tests.unit.calibrate.test_lamps import board_image, turned
 from tests.unit.normals.strength_captures import drawn, hilly, lit_by, relative
 
@@ -97,7 +98,8 @@ def test_the_object_itself_gives_strengths(run, tmp_path):
     refused(run("calibrate", "object", *words, "--no-strengths", "--overwrite"), "Neither")
 
 
-def test_a_chessboard_gives_lamps(run, tmp_path):
+def test_a_chessboard_gives_lamps(run, tmp_path, monkeypatch):
+    stages = Stages(monkeypatch)
     camera = Pinhole(fx=500.0, fy=500.0, cx=199.5, cy=149.5)
     board = Chessboard(columns=7, rows=5, square=25.0)
     lamps = [
@@ -116,10 +118,11 @@ def test_a_chessboard_gives_lamps(run, tmp_path):
     size = ("--board", "7x5", "--square", 25, "--albedo", 0.25 * math.pi)
     record = run("calibrate", "lamps", *poses, *words, *size, "--same-mu", "--json").record
     assert "2 lamps" in record["verdict"]
+    assert stages.ended() == ["pose pose0", "pose pose1", "pose pose2", "lamps", "lamps of one make"]
     rig = read_rig(tmp_path / "rig.toml")
     for light in rig.rig.lights:
         assert light.mu == pytest.approx(1.5, rel=0.03)
         assert light.flux[0] == pytest.approx(3e5, rel=0.01)
-    refused(run("calibrate", "lamps", *poses, *words, *size), "exists")
+    refused(run("calibrate", "lamps", *poses, *words, *size), "is there already")
     (tmp_path / "lamps.txt").write_text("90 40 10\n")
     refused(run("calibrate", "lamps", *poses, *words, *size, "--overwrite"), "there are 1 lamps")

@@ -130,4 +130,49 @@ def test_nothing_of_anybody_is_converted_away(run, folder, tmp_path):
         assert (tmp_path / out).read_bytes() == before
     assert run("convert", folder, tmp_path / "a.lp", "--quality", 50).code == 2
     assert run("convert", folder, tmp_path / "b.ptm", "--frame", "directx").code == 2
+    assert run("convert", tmp_path / "n.npy", tmp_path / "m.png", "--from", "diligent").code == 2
     assert {path.name for path in tmp_path.iterdir()} == {"n.png", "a.ptm", "n.npy", folder.name}
+
+
+def test_plain_directions_are_lights(run, tmp_path):
+    """Text, with a count or not, and .npy: as `reconstruct --lights` reads them; 3 × 3 numbers need a word."""
+    vectors = np.array([[0.0, 0.0, 2.0], [0.6, 0.0, 0.8], [0.0, -0.6, 0.8], [-0.6, 0.0, 0.8]])
+    np.savetxt(tmp_path / "a.txt", vectors)
+    np.savetxt(tmp_path / "t.txt", vectors.T)
+    (tmp_path / "c.dat").write_text("4\n" + (tmp_path / "a.txt").read_text())
+    np.save(tmp_path / "n.npy", vectors)
+    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    for name in ("a.txt", "t.txt", "c.dat", "n.npy"):
+        done = run("convert", tmp_path / name, tmp_path / "a.toml", "--overwrite", "--json")
+        assert done.code == 0
+        assert bool(done.record["notes"]) == (name == "t.txt")
+        np.testing.assert_allclose(read_rig(tmp_path / "a.toml").rig.directions, unit, atol=1e-15)
+        assert run("rig", tmp_path / name, "--json").record["lights"] == 4
+    three = vectors[[0, 1, 3]] + [0.0, 0.1, 0.0]
+    np.savetxt(tmp_path / "three.txt", three)
+    assert "--from diligent takes rows" in run("rig", tmp_path / "three.txt").text
+    for kind, wanted in (("diligent", three), ("psbox", three.T)):
+        done = run("convert", tmp_path / "three.txt", tmp_path / "a.toml", "--from", kind, "--overwrite")
+        assert done.code == 0
+        length = np.linalg.norm(wanted, axis=1, keepdims=True)
+        np.testing.assert_allclose(read_rig(tmp_path / "a.toml").rig.directions, wanted / length, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.txt", b"hello\n", "Only numbers"),
+        ("a.txt", b"0 0 1\n0 1\n", "3 numbers are expected"),
+        ("a.txt", b"0 0 1\n0 0 0\n0 1 1\n1 0 1\n", "a.txt: Light 2"),
+        ("a.txt", b"1 2 3 4\n" * 5, "one light of three numbers"),
+        ("a.txt", b"", "is empty"),
+        ("a.npy", b"\x93NUMPY\x01", "a.npy cannot be read"),
+        ("a.png", b"\x89PNG", "no format of lights"),
+    ],
+)
+def test_what_holds_no_directions_is_refused(run, tmp_path, name, content, said):
+    (tmp_path / name).write_bytes(content)
+    done = run("convert", tmp_path / name, tmp_path / "b.lp")
+    assert done.code == 3
+    assert said in done.text
+    assert not (tmp_path / "b.lp").exists()

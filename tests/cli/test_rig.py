@@ -102,3 +102,43 @@ def test_options_without_use_are_refused(run, folder, words):
 
 def test_a_place_that_is_none(run, folder):
     assert run("rig", folder, "--at", "0,nan,3").code == 3
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("rig = 1\n[lights\n", "Correct that place, save it as UTF-8 if an editor changed that, or calibrate again."),
+        ("rig = 2\n", "A rig file of version 1"),
+        ("[lights]\ndirections = [[0, 0, 1]]\n", "A rig file of version 1"),
+        ("", "A rig file, as psstereo calibrate writes it."),
+        ("rig = 1\na = " + "[" * 9999, "A rig file in UTF-8"),
+        (
+            "rig = 1\n[lights]\ndirections = [[0, 0, 1], [1, 0]]\nstrengths = [1, 1]\n",
+            "a list of rows of 3 numbers each.",
+        ),
+    ],
+)
+def test_a_broken_rig_file_is_called_one(run, tmp_path, content, said):
+    (tmp_path / "a.toml").write_text(content)
+    for words in (("rig", tmp_path / "a.toml"), ("convert", tmp_path / "a.toml", tmp_path / "b.lp")):
+        done = run(*words)
+        assert done.code == 3
+        assert said in done.text
+        assert "image" not in done.text.split("toml", 1)[1]
+    assert (tmp_path / "a.toml").read_text() == content
+
+
+def test_no_broken_rig_file_is_written_over(run, tmp_path):
+    (tmp_path / "a.lp").write_text("1\na 0 0 1\n")
+    (tmp_path / "a.toml").write_text("rig = 1\n[lights\n")
+    assert run("convert", tmp_path / "a.lp", tmp_path / "a.toml", "--overwrite").code == 3
+    assert (tmp_path / "a.toml").read_text() == "rig = 1\n[lights\n"
+
+
+def test_a_broken_description_of_a_capture_is_called_one(run, tmp_path):
+    (tmp_path / "capture.toml").write_text("name = \n")
+    (tmp_path / "mine.toml").write_text("[images]\nfiles = [\n")
+    for name in ("capture.toml", "mine.toml"):
+        done = run("rig", tmp_path / name)
+        assert done.code == 3
+        assert "[images]" in done.text

@@ -6,32 +6,30 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from psstereo_cli.calibration_options import (
+    BallFolders,
+    BallOrigin,
+    BallWords,
+    ByName,
+    DarkPicture,
+    PinholeMatrix,
+    RigOut,
+    ToneCurve,
+)
 from psstereo_cli.options import Json, Overwrite
 
 if TYPE_CHECKING:
-    from psstereo.calibrate.mirror_calibration import MirrorCalibration
-    from psstereo.calibrate.triangulate import Reach
+    from psstereo.calibrate.balls import MirrorCalibration, Reach
     from psstereo.io.rig_file import RigFile
 
 __all__ = ["calibrate_balls"]
 
 
 def calibrate_balls(
-    folders: Annotated[
-        list[Path], typer.Argument(help="Folder of the pictures, one a light; or one folder for each ball.")
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Rig file (.toml) to write.")],
-    ball: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="A ball, once for each: X,Y,R in pixels; columns and rows of three or more clicks on its outline,"
-            " X,Y,X,Y,X,Y; a mask; a file with x, y and r; or auto. If absent, the mask or circle_data.txt in the"
-            " folder, else auto."
-        ),
-    ] = None,
-    origin: Annotated[
-        str, typer.Option(help="Of numbers in --ball: top-left, counted from 0; or bottom-left, counted from 1.")
-    ] = "top-left",
+    folders: BallFolders,
+    out: RigOut,
+    ball: BallWords = None,
+    origin: BallOrigin = "top-left",
     outline: Annotated[
         list[Path] | None,
         typer.Option(help="Picture under room light, to which the outline is fitted; one for all, or one a ball."),
@@ -40,10 +38,7 @@ def calibrate_balls(
         list[str] | None,
         typer.Option(help="X,Y of a folder's first pixel in the whole frame, for balls cut out of it; once for each."),
     ] = None,
-    matrix: Annotated[
-        str | None,
-        typer.Option("--K", help="The camera is a pinhole: a file with its 3 × 3 matrix, or fx,fy,cx,cy in pixels."),
-    ] = None,
+    matrix: PinholeMatrix = None,
     ball_radius: Annotated[
         float, typer.Option(help="With --K, radius of the balls, in the unit that positions shall have.")
     ] = 1.0,
@@ -63,16 +58,12 @@ def calibrate_balls(
             " theirs; for positions under parallel projection.",
         ),
     ] = None,
-    response: Annotated[
-        str, typer.Option(help="Tone curve of the pictures: linear, srgb, or the exponent of a gamma curve.")
-    ] = "linear",
-    dark: Annotated[Path | None, typer.Option(help="Picture without any of the lights, to subtract.")] = None,
+    response: ToneCurve = "linear",
+    dark: DarkPicture = None,
     compare: Annotated[
         list[Path] | None, typer.Option(help="File of light directions to be held against what the balls tell.")
     ] = None,
-    by_name: Annotated[
-        bool, typer.Option("--by-name", help="The object is in the same pictures: keep their names in the rig.")
-    ] = False,
+    by_name: ByName = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -83,7 +74,7 @@ def calibrate_balls(
     Two balls, cut out of one frame: `psstereo calibrate balls left right -o rig.toml --ball left/circle_data.txt --ball
     right/circle_data.txt --outline left/ref.jpg --outline right/ref.jpg --corner 100,600 --corner 2600,500`
     """
-    from psstereo.calibrate.mirror_calibration import calibrate_mirror_balls
+    from psstereo.calibrate.balls import calibrate_mirror_balls
     from psstereo.io.rig_file import RigFile
     from psstereo.io.rig_writer import require_rig_place
     from psstereo_cli.ball_inputs import ball_pictures
@@ -147,7 +138,7 @@ def _require_whole(white: str | None, white_albedo: float, matrix: str | None, b
 
 
 def _reach(words: str) -> "Reach | None":
-    from psstereo.calibrate.triangulate import Reach
+    from psstereo.calibrate.balls import Reach
     from psstereo.errors import OptionError
 
     choices = {"auto": None, "directions": Reach.DISTANT, "positions": Reach.NEAR}

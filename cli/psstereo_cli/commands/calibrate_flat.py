@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from psstereo_cli.calibration_options import ToneCurve
 from psstereo_cli.options import Json, Overwrite
 
 __all__ = ["calibrate_flat"]
@@ -16,9 +17,7 @@ def calibrate_flat(
     dark: Annotated[
         Path | None, typer.Option(help="Photograph without light, at the exposure of the card's photographs.")
     ] = None,
-    response: Annotated[
-        str, typer.Option(help="Tone curve of the photographs: linear, srgb, or the exponent of a gamma curve.")
-    ] = "linear",
+    response: ToneCurve = "linear",
     smooth: Annotated[
         float,
         typer.Option(
@@ -42,14 +41,15 @@ def calibrate_flat(
 
     import numpy as np
 
-    from psstereo.calibrate.flat_field import flat_from_frames
+    from psstereo.calibrate.camera import flat_from_frames
     from psstereo.errors import OptionError
     from psstereo.io.flat_file import is_flat_light
+    from psstereo.io.one_file import put_file, require_file_place
     from psstereo.io.parts import read_dark
-    from psstereo.io.rti_planes import put_file, require_file_place
     from psstereo.stack import FileStack
-    from psstereo_cli.camera_findings import add_to_rig, require_rig, tell_finding
+    from psstereo_cli.camera_findings import add_to_rig, all_frames, require_rig, tell_finding
     from psstereo_cli.cameras import parse_response
+    from psstereo_cli.console import progress_bars
 
     if out.suffix.lower() != ".npy":
         raise OptionError(
@@ -60,13 +60,15 @@ def calibrate_flat(
     require_file_place(out, overwrite=overwrite, ours=is_flat_light, kind="flat field")
     require_rig(add_to)
     stack, curve = FileStack(tuple(photographs)), parse_response(response)
-    found = flat_from_frames(
-        [stack.frame(i) for i in range(len(stack))],
-        response=curve,
-        dark=None if dark is None else read_dark(dark, stack, curve),
-        white=stack.white if stack.saturates else None,
-        smooth=smooth,
-    )
+    with progress_bars() as progress:
+        found = flat_from_frames(
+            all_frames(stack, progress),
+            response=curve,
+            dark=None if dark is None else read_dark(dark, stack, curve),
+            white=stack.white if stack.saturates else None,
+            smooth=smooth,
+            progress=progress,
+        )
     data = io.BytesIO()
     np.save(data, found.light)
     put_file(out, data.getvalue(), overwrite=overwrite, ours=is_flat_light, kind="flat field")

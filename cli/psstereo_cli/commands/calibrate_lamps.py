@@ -1,18 +1,17 @@
 """``psstereo calibrate lamps``: axis, lobe and flux of lamps from a matte chessboard in a few poses."""
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from psstereo_cli.calibration_options import RigOut
 from psstereo_cli.options import Json, Overwrite
 
 if TYPE_CHECKING:
-    from psstereo.calibrate.lamps_board import Chessboard
-    from psstereo.calibrate.lamps_fit import PlaneSamples
+    from psstereo.calibrate.lamps import Chessboard, PlaneSamples
     from psstereo.camera import Pinhole
-    from psstereo.types import FloatArray
+    from psstereo.types import FloatArray, Progress
 
 __all__ = ["calibrate_lamps"]
 
@@ -25,7 +24,7 @@ def calibrate_lamps(
         list[Path],
         typer.Argument(help="One folder a pose of the board, each with one image a lamp, in the order of the lamps."),
     ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Rig file (.toml) to write.")],
+    out: RigOut,
     positions: Annotated[
         Path,
         typer.Option(
@@ -50,24 +49,30 @@ def calibrate_lamps(
     """
     import numpy as np
 
+    from psstereo.calibrate.lamps import Chessboard, joined
     from psstereo.calibrate.lamps import calibrate_lamps as calibrated
-    from psstereo.calibrate.lamps_board import joined
     from psstereo.io.camera_file import parse_camera
     from psstereo.io.rig_file import RigFile
     from psstereo.io.rig_writer import require_rig_place
+    from psstereo_cli.calibration_options import parse_board
+    from psstereo_cli.console import progress_bars
     from psstereo_cli.rig_saving import save_rig
 
     require_rig_place(out, overwrite=overwrite)
-    camera, target = parse_camera(matrix), _board(board, square)
+    counted = "The number of inner corners along its two sides, such as 9x6."
+    columns, rows = parse_board(board, needed=counted, remedy="Count the corners where four squares meet.")
+    camera, target = parse_camera(matrix), Chessboard(columns=columns, rows=rows, square=square)
     places = _positions(positions)
-    parts = [_pose(folder, k, len(places), camera, target) for k, folder in enumerate(poses)]
-    found = calibrated(
-        [joined([one[k] for one in parts]) for k in range(len(places))],
-        places,
-        brdf=1.0 if albedo is None else albedo / np.pi,
-        refine_positions=refine,
-        same_mu=same_mu,
-    )
+    with progress_bars() as progress:
+        parts = [_pose(folder, k, len(places), camera, target, progress) for k, folder in enumerate(poses)]
+        found = calibrated(
+            [joined([one[k] for one in parts]) for k in range(len(places))],
+            places,
+            brdf=1.0 if albedo is None else albedo / np.pi,
+            refine_positions=refine,
+            same_mu=same_mu,
+            progress=progress,
+        )
     rig = RigFile(
         rig=found.rig,
         camera=camera,
@@ -83,20 +88,6 @@ def calibrate_lamps(
         "residual_percent_of_each": [100.0 * fit.residual for fit in found.fits],
     }
     save_rig(out, rig, overwrite=overwrite, as_json=as_json, facts=facts)
-
-
-def _board(text: str, square: float) -> "Chessboard":
-    from psstereo.calibrate.lamps_board import Chessboard
-    from psstereo.errors import OptionError
-
-    match = re.fullmatch(r"\s*(\d{1,3})\s*[x×]\s*(\d{1,3})\s*", text.lower())
-    if match is None:
-        raise OptionError(
-            given=f"The board is {text!r}.",
-            needed="The number of inner corners along its two sides, such as 9x6.",
-            remedy="Count the corners where four squares meet.",
-        )
-    return Chessboard(columns=int(match[1]), rows=int(match[2]), square=square)
 
 
 def _positions(path: Path) -> "FloatArray":
@@ -122,11 +113,13 @@ def _positions(path: Path) -> "FloatArray":
     return table
 
 
-def _pose(folder: Path, number: int, lamps: int, camera: "Pinhole", board: "Chessboard") -> "tuple[PlaneSamples, ...]":
+def _pose(
+    folder: Path, number: int, lamps: int, camera: "Pinhole", board: "Chessboard", progress: "Progress"
+) -> "tuple[PlaneSamples, ...]":
     """Return the samples of one pose, one set a lamp."""
     import numpy as np
 
-    from psstereo.calibrate.lamps_board import board_samples
+    from psstereo.calibrate.lamps import board_samples
     from psstereo.errors import InputError
     from psstereo.stack.linear import linear_frame
     from psstereo_cli.loading import load_capture
@@ -139,7 +132,7 @@ def _pose(folder: Path, number: int, lamps: int, camera: "Pinhole", board: "Ches
         lights_layout=None,
         mask="none",
         truth=False,
-        progress=_quiet,
+        progress=progress,
     )
     if len(capture.stack) != lamps:
         raise InputError(
@@ -149,12 +142,11 @@ def _pose(folder: Path, number: int, lamps: int, camera: "Pinhole", board: "Ches
         )
     white, frames = capture.stack.white, []
     for k in range(lamps):
+        progress(f"pose {folder.name}", k, lamps)
         raw = capture.stack.frame(k)
         light = linear_frame(capture.stack, k, response=capture.response, dark=capture.dark, flat=capture.flat) / white
         clipped = (np.asarray(raw, np.float64) >= _WHITE * white).any(axis=2, keepdims=True)
         frames.append(np.where(clipped & capture.stack.saturates, np.nan, light.astype(np.float64)))
-    return board_samples(np.stack(frames), camera, board, pose=number, name=folder.name)
-
-
-def _quiet(_stage: str, _done: int, _total: int, /) -> None:
-    """Show nothing: a few images are read."""
+    samples = board_samples(np.stack(frames), camera, board, pose=number, name=folder.name)
+    progress(f"pose {folder.name}", lamps, lamps)
+    return samples

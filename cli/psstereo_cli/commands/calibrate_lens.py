@@ -1,14 +1,11 @@
 """``psstereo calibrate lens``: the camera's matrix and distortion from pictures of a board."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from psstereo_cli.options import Json, Overwrite
-
-if TYPE_CHECKING:
-    from psstereo.calibrate.lens_target import Board
 
 __all__ = ["calibrate_lens"]
 
@@ -41,16 +38,21 @@ def calibrate_lens(
     """
     import numpy as np
 
-    from psstereo.calibrate.lens_target import lens_from_pictures
+    from psstereo.calibrate.camera import Board, lens_from_pictures
     from psstereo.io.lens_file import is_lens_file, lens_text
-    from psstereo.io.rti_planes import put_file, require_file_place
+    from psstereo.io.one_file import put_file, require_file_place
     from psstereo.stack import FileStack
-    from psstereo_cli.camera_findings import add_to_rig, require_rig, tell_finding
+    from psstereo_cli.calibration_options import parse_board
+    from psstereo_cli.camera_findings import add_to_rig, all_frames, require_rig, tell_finding
+    from psstereo_cli.console import progress_bars
 
     require_file_place(out, overwrite=overwrite, ours=is_lens_file, kind="file of a camera and its lens")
     require_rig(add_to)
-    stack, printed = FileStack(tuple(pictures)), _board(board, marker, dictionary)
-    found = lens_from_pictures([stack.frame(i) for i in range(len(stack))], printed, model=model)
+    across, down = parse_board(board, needed="Squares across and down, such as 9x7.", remedy="Count the squares.")
+    printed = Board(columns=across, rows=down, marker=marker, dictionary=dictionary)
+    stack = FileStack(tuple(pictures))
+    with progress_bars() as progress:
+        found = lens_from_pictures(all_frames(stack, progress), printed, model=model, progress=progress)
     text = lens_text(found.camera, found.lens).encode("utf-8")
     put_file(out, text, overwrite=overwrite, ours=is_lens_file, kind="file of a camera and its lens")
     made = f"Camera and lens were found from {len(found.used)} pictures of a board."
@@ -76,18 +78,3 @@ def calibrate_lens(
         "unused": unused,
     }
     tell_finding(found.quality, rows, record, rig=add_to, as_json=as_json)
-
-
-def _board(words: str, marker: float | None, dictionary: str) -> "Board":
-    from psstereo.calibrate.lens_target import Board
-    from psstereo.errors import OptionError
-
-    parts = words.lower().split("x")
-    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
-        raise OptionError(
-            given=f"The board is {words!r}.",
-            needed="Squares across and down, such as 9x7.",
-            remedy="Count the squares.",
-        )
-    columns, rows = (int(part) for part in parts)
-    return Board(columns=columns, rows=rows, marker=marker, dictionary=dictionary)

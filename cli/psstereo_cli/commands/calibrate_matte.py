@@ -5,35 +5,31 @@ from typing import Annotated
 
 import typer
 
+from psstereo_cli.calibration_options import (
+    BallFolders,
+    BallOrigin,
+    BallWords,
+    ByName,
+    DarkPicture,
+    PinholeMatrix,
+    RigOut,
+    ToneCurve,
+)
 from psstereo_cli.options import Json, Overwrite
 
 __all__ = ["calibrate_matte"]
 
 
 def calibrate_matte(
-    folders: Annotated[
-        list[Path], typer.Argument(help="Folder of the pictures, one a light; or one folder for each ball.")
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Rig file (.toml) to write.")],
-    ball: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="A ball, once for each: X,Y,R in pixels; columns and rows of three or more clicks on its outline,"
-            " X,Y,X,Y,X,Y; a mask; a file with x, y and r; or auto. If absent, the mask or circle_data.txt in the"
-            " folder, else auto."
-        ),
-    ] = None,
-    origin: Annotated[
-        str, typer.Option(help="Of numbers in --ball: top-left, counted from 0; or bottom-left, counted from 1.")
-    ] = "top-left",
+    folders: BallFolders,
+    out: RigOut,
+    ball: BallWords = None,
+    origin: BallOrigin = "top-left",
     outline: Annotated[
         list[Path] | None,
         typer.Option(help="Picture to whose edges the outline is fitted; one for all, or one a ball."),
     ] = None,
-    matrix: Annotated[
-        str | None,
-        typer.Option("--K", help="The camera is a pinhole: a file with its 3 × 3 matrix, or fx,fy,cx,cy in pixels."),
-    ] = None,
+    matrix: PinholeMatrix = None,
     albedo: Annotated[float, typer.Option(help="Albedo of the balls, a factor of all strengths.")] = 1.0,
     pedestal: Annotated[
         str,
@@ -42,13 +38,9 @@ def calibrate_matte(
             " level as a share of full scale."
         ),
     ] = "common",
-    response: Annotated[
-        str, typer.Option(help="Tone curve of the pictures: linear, srgb, or the exponent of a gamma curve.")
-    ] = "linear",
-    dark: Annotated[Path | None, typer.Option(help="Picture without any of the lights, to subtract.")] = None,
-    by_name: Annotated[
-        bool, typer.Option("--by-name", help="The object is in the same pictures: keep their names in the rig.")
-    ] = False,
+    response: ToneCurve = "linear",
+    dark: DarkPicture = None,
+    by_name: ByName = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -59,11 +51,12 @@ def calibrate_matte(
     With the level that the pictures show in the dark: `psstereo calibrate matte sphere -o rig.toml --ball 367,220,80
     --pedestal 0.29`
     """
-    from psstereo.calibrate.matte_ball import calibrate_matte_balls
+    from psstereo.calibrate.balls import calibrate_matte_balls
     from psstereo.io.rig_file import RigFile
     from psstereo.io.rig_writer import require_rig_place
     from psstereo_cli.ball_inputs import ball_pictures
     from psstereo_cli.cameras import described_camera, parse_response
+    from psstereo_cli.console import progress_bars
     from psstereo_cli.execution import parse_floats
     from psstereo_cli.rig_saving import save_rig
 
@@ -85,7 +78,8 @@ def calibrate_matte(
         dark=dark,
     )
     source = f"shading of {len(pictures)} matte ball{'s' if len(pictures) > 1 else ''}"
-    found = calibrate_matte_balls(pictures, albedo=albedo, pedestal=level, source=source)
+    with progress_bars() as progress:
+        found = calibrate_matte_balls(pictures, albedo=albedo, pedestal=level, source=source, progress=progress)
     rig = RigFile(
         rig=found.rig,
         names=pictures[0].stack.names if by_name else (),

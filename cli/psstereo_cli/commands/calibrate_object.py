@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from psstereo_cli.calibration_options import RigOut
 from psstereo_cli.options import Format, Json, Lights, LightsLayout, Mask, Overwrite, Threads
 
 __all__ = ["calibrate_object"]
@@ -12,7 +13,7 @@ __all__ = ["calibrate_object"]
 
 def calibrate_object(
     folder: Annotated[Path, typer.Argument(help="Capture: images and nominal lights.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Rig file (.toml) to write.")],
+    out: RigOut,
     layout: Format = None,
     lights: Lights = None,
     lights_layout: LightsLayout = None,

@@ -8,7 +8,8 @@ import typer
 from psstereo_cli.options import Json
 
 if TYPE_CHECKING:
-    from psstereo.calibrate.response_fit import ResponseFit
+    from psstereo.calibrate.response import ResponseFit
+    from psstereo.types import Progress
 
 __all__ = ["calibrate_response"]
 
@@ -43,11 +44,16 @@ def calibrate_response(
     From a capture of a matte object: `psstereo calibrate response photos --add-to rig.toml`
     """
     from psstereo_cli.camera_findings import add_to_rig, require_rig, tell_finding
+    from psstereo_cli.console import progress_bars
 
     require_rig(add_to)
     folder = len(photographs) == 1 and photographs[0].is_dir()
     _require_used(folder, times, model, mask)
-    found = _from_shading(photographs[0], mask) if folder else _from_exposures(photographs, times, model)
+    with progress_bars() as progress:
+        if folder:
+            found = _from_shading(photographs[0], mask, progress)
+        else:
+            found = _from_exposures(photographs, times, model, progress)
     how = f"the shading of {photographs[0].name}" if folder else f"{len(photographs)} exposures"
     add_to_rig(add_to, f"The response was found from {how}.", response=found.response)
     response = found.response
@@ -86,27 +92,25 @@ def _require_used(folder: bool, times: str | None, model: str, mask: str | None)
             )
 
 
-def _from_exposures(photographs: list[Path], times: str | None, model: str) -> "ResponseFit":
-    from psstereo.calibrate.response_exposures import response_from_exposures
+def _from_exposures(photographs: list[Path], times: str | None, model: str, progress: "Progress") -> "ResponseFit":
+    from psstereo.calibrate.response import response_from_exposures
     from psstereo.io.exif import exposure_times
     from psstereo.stack import FileStack
+    from psstereo_cli.camera_findings import all_frames
     from psstereo_cli.execution import parse_floats
 
     paths = tuple(photographs)
     stack = FileStack(paths)
     seconds = exposure_times(paths) if times is None else parse_floats(times, len(paths), "times")
-    return response_from_exposures([stack.frame(i) for i in range(len(stack))], seconds, white=stack.white, model=model)
+    frames = all_frames(stack, progress)
+    return response_from_exposures(frames, seconds, white=stack.white, model=model, progress=progress)
 
 
-def _from_shading(folder: Path, mask: str | None) -> "ResponseFit":
-    from psstereo.calibrate.response_capture import response_of_capture
+def _from_shading(folder: Path, mask: str | None, progress: "Progress") -> "ResponseFit":
+    from psstereo.calibrate.response import response_of_capture
     from psstereo_cli.loading import load_capture
 
     capture, _ = load_capture(
-        folder, layout=None, lights=None, lights_layout=None, mask=mask, truth=False, progress=_quiet
+        folder, layout=None, lights=None, lights_layout=None, mask=mask, truth=False, progress=progress
     )
-    return response_of_capture(capture)
-
-
-def _quiet(_stage: str, _done: int, _total: int, /) -> None:
-    """Show nothing: images are read once."""
+    return response_of_capture(capture, progress=progress)

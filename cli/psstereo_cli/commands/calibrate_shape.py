@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from psstereo_cli.calibration_options import PinholeMatrix, RigOut
 from psstereo_cli.options import Format, Json, Lights, LightsLayout, Mask, Overwrite, Threads
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ _PIXELS = 20000
 
 def calibrate_shape(
     folder: Annotated[Path, typer.Argument(help="Capture of the object: images; lights only with --strengths-only.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Rig file (.toml) to write.")],
+    out: RigOut,
     sphere: Annotated[str | None, typer.Option(help="COLUMN,ROW,RADIUS of a matte ball, in pixels.")] = None,
     normals: Annotated[
         Path | None, typer.Option(help="Normal map of the object in the images (.npy, .png, .exr, …), OpenGL colours.")
@@ -30,10 +31,7 @@ def calibrate_shape(
         Path | None,
         typer.Option(help="Mesh in the camera's frame, x right, y up, z toward the camera (.ply, .obj, .stl, .glb)."),
     ] = None,
-    matrix: Annotated[
-        str | None,
-        typer.Option("--K", help="The camera is a pinhole: a file with its 3 × 3 matrix, or fx,fy,cx,cy,skew."),
-    ] = None,
+    matrix: PinholeMatrix = None,
     pixel_size: Annotated[
         float | None, typer.Option(help="Under parallel projection, length of a pixel, in the unit of depth or mesh.")
     ] = None,
@@ -58,7 +56,7 @@ def calibrate_shape(
     From a board whose lights are known but for their strengths: `psstereo calibrate shape board -o rig.toml --depth
     board.npy --strengths-only`
     """
-    from psstereo.calibrate.known_shape import calibrate_known_shape
+    from psstereo.calibrate.shape import calibrate_known_shape
     from psstereo.io.rig_file import RigFile
     from psstereo.io.rig_writer import require_rig_place
     from psstereo_cli.cameras import described_camera
@@ -110,7 +108,7 @@ def _normals(
     """Return the normals of the shape that was named."""
     import numpy as np
 
-    from psstereo.calibrate.known_shape import sphere_normals
+    from psstereo.calibrate.shape import sphere_normals
     from psstereo.errors import InputError, OptionError
     from psstereo_cli.execution import parse_floats
 
@@ -148,7 +146,7 @@ def _normals(
 def _of_mesh(path: Path, camera: "Camera", shape: tuple[int, int]) -> "FloatArray":
     import trimesh
 
-    from psstereo.calibrate.known_shape_mesh import mesh_normals
+    from psstereo.calibrate.shape import mesh_normals
     from psstereo.errors import MissingFileError, UnreadableFileError
 
     if not path.is_file():

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from psstereo_cli.calibration_options import PinholeMatrix, RigOut, ToneCurve
 from psstereo_cli.options import Json, Overwrite
 
 if TYPE_CHECKING:
-    from psstereo.calibrate.sun_position import Place
+    from psstereo.calibrate.sun import Place
     from psstereo.capture import Capture
     from psstereo.lights import Rig
     from psstereo.stack import Response
@@ -19,7 +20,7 @@ __all__ = ["calibrate_sun"]
 
 
 def calibrate_sun(
-    out: Annotated[Path, typer.Option("-o", "--out", help="Rig file (.toml) to write.")],
+    out: RigOut,
     photographs: Annotated[
         list[Path] | None, typer.Argument(help="The photographs, for their times; none if --time gives them all.")
     ] = None,
@@ -53,9 +54,7 @@ def calibrate_sun(
             " pixels, in the first photograph: instead of --heading; with --K."
         ),
     ] = None,
-    matrix: Annotated[
-        str | None, typer.Option("--K", help="File with the 3 × 3 matrix, or fx,fy,cx,cy,skew in pixels.")
-    ] = None,
+    matrix: PinholeMatrix = None,
     strength: Annotated[
         str, typer.Option(help="clear-sky: a low sun is weaker; equal: each picture was exposed anew.")
     ] = "clear-sky",
@@ -75,9 +74,7 @@ def calibrate_sun(
     sky: Annotated[
         bool, typer.Option("--sky", help="Find how bright the sky is too, from the shaded side of the object; --mask.")
     ] = False,
-    response: Annotated[
-        str, typer.Option(help="Tone curve of the photographs: linear, srgb, or the exponent of a gamma curve.")
-    ] = "linear",
+    response: ToneCurve = "linear",
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
@@ -87,7 +84,7 @@ def calibrate_sun(
 
     By a vertical and its shadow: `psstereo calibrate sun *.jpg -o rig.toml --K K.txt --pole 610,820,605,300,920,860`
 
-    Needs the ephemeris of the extra outdoor: `pip install psstereo[outdoor]`
+    Needs an ephemeris: the package ephem, which comes with psstereo's extra outdoor.
     """
     import numpy as np
 
@@ -163,7 +160,7 @@ def _require_no_mask(mask: str | None) -> None:
 
 def _times(paths: tuple[Path, ...], given: list[str], zone: str | None) -> list[datetime]:
     """Return the moments, from what was given or from the photographs."""
-    from psstereo.calibrate.time_from_exif import parse_zone, time_of
+    from psstereo.calibrate.sun import parse_zone, time_of
     from psstereo.errors import OptionError
     from psstereo.io.exif import read_exif
 
@@ -199,8 +196,7 @@ def _times(paths: tuple[Path, ...], given: list[str], zone: str | None) -> list[
 def _place(paths: tuple[Path, ...], text: str | None) -> "Place":
     import numpy as np
 
-    from psstereo.calibrate.sun_position import Place
-    from psstereo.calibrate.time_from_exif import place_of
+    from psstereo.calibrate.sun import Place, place_of
     from psstereo.errors import OptionError
     from psstereo.io.exif import read_exif
     from psstereo_cli.execution import parse_floats
@@ -240,8 +236,7 @@ def _standing(
     """Return the camera's axes in the world."""
     import numpy as np
 
-    from psstereo.calibrate.sun_camera import ShadowedPole, rotation_from_heading, rotation_from_pole
-    from psstereo.calibrate.sun_position import sun_positions
+    from psstereo.calibrate.sun import ShadowedPole, rotation_from_heading, rotation_from_pole, sun_positions
     from psstereo.camera import Pinhole
     from psstereo.errors import OptionError
     from psstereo_cli.cameras import described_camera
@@ -270,6 +265,12 @@ def _standing(
             remedy="Give --K; psstereo calibrate lens finds it from pictures of a chessboard.",
         )
     x = np.array(parse_floats(pole, 6, "vertical and shadow (six numbers)")).reshape(3, 2)
+    if roll != 0.0:
+        raise OptionError(
+            given=f"The roll is {roll:g} degrees, and a vertical and its shadow are given.",
+            needed="--roll is used with --heading; a vertical in the picture tells how the camera is turned.",
+            remedy="Leave --roll out, or give --heading and --pitch instead of --pole.",
+        )
     sun = sun_positions([moment], place).directions[0]
     hint = None if pitch is None else float(np.radians(pitch))
     return rotation_from_pole(ShadowedPole(base=x[0], top=x[1], tip=x[2]), camera, sun, pitch=hint)
@@ -291,8 +292,9 @@ def _side(capture: "Capture", times: list[datetime], place: "Place", rotation: "
 
     import numpy as np
 
-    from psstereo.calibrate.sun_clock import check_clock, facing_of_mask
+    from psstereo.calibrate.sun import check_clock, facing_of_mask
     from psstereo.normals.thinning import sample_grid
+    from psstereo_cli.console import progress_bars
 
     inside = capture.effective_mask
     # Every step-th row and column, so that the places of the samples are known.
@@ -300,7 +302,10 @@ def _side(capture: "Capture", times: list[datetime], place: "Place", rotation: "
     thin = np.zeros_like(inside)
     thin[step // 2 :: step, step // 2 :: step] = inside[step // 2 :: step, step // 2 :: step]
     thin = thin if thin.any() else inside
-    grid = sample_grid(replace(capture, mask=thin), gray="mean", limit=int(inside.size), strengths=False)
+    with progress_bars() as progress:
+        grid = sample_grid(
+            replace(capture, mask=thin), gray="mean", limit=int(inside.size), strengths=False, progress=progress
+        )
     found = check_clock(grid.values[0], times, place, rotation, facing_of_mask(inside)[thin])
     found.require_right()
     return found.sentence
@@ -308,7 +313,7 @@ def _side(capture: "Capture", times: list[datetime], place: "Place", rotation: "
 
 def _sky(capture: "Capture | None", rotation: "FloatArray") -> dict[str, Any]:
     """Return how bright the sky is, as plain values."""
-    from psstereo.calibrate.sky import estimate_sky
+    from psstereo.calibrate.sun import estimate_sky
     from psstereo.errors import OptionError
     from psstereo_cli.console import progress_bars
 

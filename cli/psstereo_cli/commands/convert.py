@@ -23,7 +23,11 @@ _BY_SUFFIX = {
 
 def convert(
     source: Annotated[
-        Path, typer.Argument(metavar="IN", help="A file or folder of lights, a capture, a normal map or a result.")
+        Path,
+        typer.Argument(
+            metavar="IN",
+            help="A file or folder of lights, text of directions x y z a line, a capture, a normal map or a result.",
+        ),
     ],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="File to write, or folder where the format is several.")],
     to: Annotated[
@@ -35,7 +39,11 @@ def convert(
     ] = None,
     origin: Annotated[
         str | None,
-        typer.Option("--from", help="Format of IN, if it is not recognised; of a capture, a name of psstereo info."),
+        typer.Option(
+            "--from",
+            help="Format of IN, if it is not recognised; of a capture, a name of psstereo info. Of 3 × 3 numbers,"
+            " diligent: a light a row, or psbox: a light a column.",
+        ),
     ] = None,
     size: Annotated[
         str | None, typer.Option(help="Size of the images, WIDTHxHEIGHT, where IN does not say it.")
@@ -95,6 +103,10 @@ def convert(
         for name, value in options.items():
             if value is not None and wanted != family:
                 raise typer.BadParameter(f"only of {wanted}; {kind} takes none", param_hint=name)
+    if kind == _NORMALS and origin is not None:
+        raise typer.BadParameter(
+            "only of lights and captures; --frame says how a normal map points", param_hint="--from"
+        )
     _require_other(source, out)
     if kind == _NORMALS:
         record = _normals(source, out, frame, out_frame, overwrite=overwrite)
@@ -179,7 +191,7 @@ def _rated(table: "LightTable") -> "LightTable":
     """Say in a rig file how good the rig is, unless it says so or lamps cannot be rated without the object's place."""
     from dataclasses import replace
 
-    from psstereo.calibrate.rig_rating import assess_rig
+    from psstereo.calibrate.rig import assess_rig
     from psstereo.errors import RigError
     from psstereo.io.rig_file import RigFile, RigQuality
 
@@ -211,9 +223,9 @@ def _picture(
     overwrite: bool,
 ) -> dict[str, Any]:
     from psstereo.forward.polynomial_maps import fit_polynomial_maps
+    from psstereo.io.one_file import begins_with, require_file_place
     from psstereo.io.ptm_file import PTM_HEADS, write_ptm
     from psstereo.io.rti_file import RTI_HEADS, write_rti
-    from psstereo.io.rti_planes import begins_with, require_file_place
     from psstereo.io.web_relight import write_web_relight
     from psstereo_cli.console import progress_bars
     from psstereo_cli.loading import load_capture
@@ -256,7 +268,7 @@ def _picture(
 
 def _normals(source: Path, out: Path, frame: str, out_frame: str, *, overwrite: bool) -> dict[str, Any]:
     from psstereo.io import read_normal_map, write_normal_map
-    from psstereo.io.rti_planes import require_file_place
+    from psstereo.io.one_file import require_file_place
 
     path = source / "normals.npy" if (source / "normals.npy").is_file() else source
     found = read_normal_map(path, convention=frame)

@@ -8,8 +8,7 @@ import typer
 from psstereo_cli.options import Json, Overwrite
 
 if TYPE_CHECKING:
-    from psstereo.calibrate.rig_figures import RigFigures
-    from psstereo.calibrate.rig_proposal import RigProposal
+    from psstereo.calibrate.rig import RigFigures, RigProposal
     from psstereo.io.light_bridge import LightTable
 
 __all__ = ["rig"]
@@ -24,7 +23,8 @@ def rig(
     file: Annotated[
         Path | None,
         typer.Argument(
-            help="Lights to rate: a rig file, .lp, .dome, lights of Meshroom, LUCES or near_ps, or a capture."
+            help="Lights to rate: a rig file, .lp, .dome, text of directions x y z a line, lights of Meshroom, LUCES or"
+            " near_ps, or a capture."
         ),
     ] = None,
     lights: Annotated[int | None, typer.Option(help="Propose places for so many lights instead.")] = None,
@@ -92,7 +92,7 @@ def rig(
 def _rated(table: "LightTable", at: str | None) -> dict[str, Any]:
     import math
 
-    from psstereo.calibrate.rig_rating import assess_rig
+    from psstereo.calibrate.rig import assess_rig
     from psstereo.errors import OptionError
     from psstereo_cli.execution import parse_floats
 
@@ -117,7 +117,7 @@ def _proposed(
 ) -> dict[str, Any]:
     import numpy as np
 
-    from psstereo.calibrate.rig_proposal import propose_rig
+    from psstereo.calibrate.rig import propose_rig
 
     found = propose_rig(lights=lights, max_tilt=float(np.radians(max_tilt)), cone=float(np.radians(cone)), shape=shape)
     record: dict[str, Any] = {
@@ -195,7 +195,7 @@ def _draw(path: Path, directions: list[list[float]], names: tuple[str, ...], *, 
     """Write the lights as seen from the camera."""
     import numpy as np
 
-    from psstereo.io.rti_planes import put_file
+    from psstereo.io.one_file import put_file
     from psstereo.report.light_plot import light_plot
 
     drawn = light_plot(np.array(directions), names).replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1)
@@ -205,7 +205,7 @@ def _draw(path: Path, directions: list[list[float]], names: tuple[str, ...], *, 
 
 def _require_picture(path: Path, *, overwrite: bool) -> None:
     """Refuse a place for the picture, before the lights are written."""
-    from psstereo.io.rti_planes import require_file_place
+    from psstereo.io.one_file import require_file_place
 
     if path.suffix.lower() != ".svg":
         raise typer.BadParameter(f"{path.name} does not end in .svg", param_hint="--picture")
@@ -213,7 +213,7 @@ def _require_picture(path: Path, *, overwrite: bool) -> None:
 
 
 def _is_picture(path: Path) -> bool:
-    from psstereo.io.rti_planes import begins_with
+    from psstereo.io.one_file import begins_with
 
     return begins_with(b"<svg ", b"<?xml")(path)
 

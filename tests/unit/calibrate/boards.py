@@ -1,5 +1,7 @@
 """Pictures of a board through a known lens, ray by ray."""
 
+from functools import cache
+
 import cv2
 import numpy as np
 
@@ -11,12 +13,9 @@ SHAPE = (240, 320)
 FINER = 2
 
 
-def picture(board, turn, middle, seed=0):
-    """Return 8 bits of a board whose middle is at a place (right, down, into the scene), turned by a vector."""
-    rotation = cv2.Rodrigues(np.asarray(turn, float))[0]
-    corner = 1.0 if board.marker else 0.0
-    centre = np.array([board.columns / 2 - 1 + corner, board.rows / 2 - 1 + corner, 0]) * board.square
-    offset = np.asarray(middle, float) - rotation @ centre
+@cache
+def viewing_rays():
+    """Return the rays of all places in a picture, (n, 3), the same for every board."""
     step = (
         (np.arange(SHAPE[0] * FINER) - (FINER - 1) / 2) / FINER,
         (np.arange(SHAPE[1] * FINER) - (FINER - 1) / 2) / FINER,
@@ -24,7 +23,16 @@ def picture(board, turn, middle, seed=0):
     rows, columns = np.meshgrid(*step, indexing="ij")
     pixels = np.stack([columns.ravel(), rows.ravel()], 1)[:, None]
     rays = cv2.undistortPoints(pixels, CAMERA.matrix, np.array(LENS.coefficients)).reshape(-1, 2)
-    rays = np.hstack([rays, np.ones((len(rays), 1))])
+    return np.hstack([rays, np.ones((len(rays), 1))])
+
+
+def picture(board, turn, middle, seed=0):
+    """Return 8 bits of a board whose middle is at a place (right, down, into the scene), turned by a vector."""
+    rotation = cv2.Rodrigues(np.asarray(turn, float))[0]
+    corner = 1.0 if board.marker else 0.0
+    centre = np.array([board.columns / 2 - 1 + corner, board.rows / 2 - 1 + corner, 0]) * board.square
+    offset = np.asarray(middle, float) - rotation @ centre
+    rays = viewing_rays()
     normal = rotation[:, 2]
     at = (rays * ((normal @ offset) / (rays @ normal))[:, None] - offset) @ rotation / board.square
     if board.marker is None:
@@ -36,7 +44,7 @@ def picture(board, turn, middle, seed=0):
         printed = cv2.aruco.CharucoBoard((board.columns, board.rows), board.square, board.marker, names).generateImage(
             (board.columns * size, board.rows * size)
         )
-        where = (at[:, :2] * size - 0.5).astype(np.float32).reshape(*rows.shape, 2)
+        where = (at[:, :2] * size - 0.5).astype(np.float32).reshape(SHAPE[0] * FINER, SHAPE[1] * FINER, 2)
         shown = cv2.remap(printed, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderValue=225).astype(float)
     image = shown.reshape(SHAPE[0], FINER, SHAPE[1], FINER).mean(axis=(1, 3))
     image = cv2.GaussianBlur(image, (0, 0), 0.6) + np.random.default_rng(seed).normal(0, 2, SHAPE)

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from psstereo.calibrate.ball_outline import ball_from_mask, ball_from_points, refine_outline
-from psstereo.calibrate.ball_pictures import BallPictures, require_still
-from psstereo.calibrate.ball_search import find_balls
-from psstereo.calibrate.balls import Ball, inside, outline_points
+from psstereo.calibrate.balls import ball_from_mask, ball_from_points, find_balls, refine_outline
+from psstereo.calibrate.balls.ball import Ball, inside, outline_points
+from psstereo.calibrate.balls.pictures import BallPictures, require_still
 from psstereo.camera import Pinhole
 from psstereo.errors import InputError
 from psstereo.lights import Directional

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from psstereo.calibrate.flat_field import flat_from_frames
+from psstereo.calibrate.camera import flat_from_frames
 from psstereo.errors import InputError, OptionError
 from psstereo.stack import Response
 

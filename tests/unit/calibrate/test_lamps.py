@@ -3,9 +3,15 @@ import math
 import numpy as np
 import pytest
 
-from psstereo.calibrate.lamps import calibrate_lamps
-from psstereo.calibrate.lamps_board import Chessboard, board_pose, board_samples, joined
-from psstereo.calibrate.lamps_fit import PlaneSamples, calibrate_lamp
+from psstereo.calibrate.lamps import (
+    Chessboard,
+    PlaneSamples,
+    board_pose,
+    board_samples,
+    calibrate_lamp,
+    calibrate_lamps,
+    joined,
+)
 from psstereo.camera import Pinhole
 from psstereo.errors import InputError
 from psstereo.lights import Led, Rig

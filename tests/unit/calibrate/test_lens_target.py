@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from psstereo.calibrate.lens_target import Board, find_corners, lens_from_corners, lens_from_pictures
+from psstereo.calibrate.camera import Board, find_corners, lens_from_corners, lens_from_pictures
 from psstereo.camera import Lens, Pinhole
 from psstereo.errors import InputError, OptionError
 from psstereo.io.lens_file import lens_text, read_lens

@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from psstereo.calibrate.ball_pictures import BallPictures
-from psstereo.calibrate.balls import Ball
-from psstereo.calibrate.highlight import find_highlight
-from psstereo.calibrate.mirror_ball import mirrored_pixels
-from psstereo.calibrate.mirror_calibration import calibrate_mirror_balls
-from psstereo.calibrate.triangulate import Reach
+from psstereo.calibrate.balls import Ball, BallPictures, Reach, calibrate_mirror_balls, find_highlight
+from psstereo.calibrate.balls.mirror_ball import mirrored_pixels
 from psstereo.calibrate.viewing import Homogeneous
 from psstereo.camera import Orthographic, Pinhole
 from psstereo.errors import InputError

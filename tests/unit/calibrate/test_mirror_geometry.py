@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from psstereo.calibrate.ball_adjustment import adjust, tangents
-from psstereo.calibrate.balls import Ball, inside, outline_points
-from psstereo.calibrate.mirror_ball import mirrored_pixels, reflected_rays
-from psstereo.calibrate.triangulate import Reach, triangulate_lamps
+from psstereo.calibrate.balls import Reach, triangulate_lamps
+from psstereo.calibrate.balls.adjustment import adjust, tangents
+from psstereo.calibrate.balls.ball import Ball, inside, outline_points
+from psstereo.calibrate.balls.mirror_ball import mirrored_pixels, reflected_rays
 from psstereo.calibrate.viewing import Homogeneous, pixel_rays, project
 from psstereo.camera import Orthographic, Pinhole
 from psstereo.errors import InputError

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from psstereo.calibrate.registration import register_frames
-from psstereo.calibrate.registration_capture import registered
+from psstereo.calibrate.registration import register_frames, registered
 from psstereo.capture import Capture
 from psstereo.errors import InputError, OptionError
 from psstereo.lights import Rig

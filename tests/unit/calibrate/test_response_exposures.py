@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from psstereo.calibrate.response_exposures import response_from_exposures
+from psstereo.calibrate.response import response_from_exposures
 from psstereo.errors import InputError, OptionError
 
 TIMES = np.array([1 / 60, 1 / 30, 1 / 15, 1 / 8])

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from psstereo.calibrate.response_capture import response_of_capture
-from psstereo.calibrate.response_shading import response_from_shading
+from psstereo.calibrate.response import response_from_shading, response_of_capture
 from psstereo.capture import Capture
 from psstereo.errors import InputError
 from psstereo.lights import Rig
@@ -60,7 +59,7 @@ def test_strengths_and_the_dark_level_take_part():
 
 def capture_of(exponent, **more):
     values, lights, inside = photographs(exponent)
-    images = np.zeros((len(values), *inside.shape, 3), np.uint8)
+    images = np.zeros((len(values), *inside.shape, 1), np.uint8)
     images[:, inside] = values[..., None]
     return Capture(stack=MemoryStack(images), rig=Rig.distant(lights), mask=inside, **more)
 
@@ -70,7 +69,7 @@ def test_of_a_capture():
 
 
 @pytest.mark.parametrize(
-    "more", [{"response": Response("srgb")}, {"flat": FlatField(np.ones((28, 28, 3)))}], ids=["response", "flat"]
+    "more", [{"response": Response("srgb")}, {"flat": FlatField(np.ones((28, 28, 1)))}], ids=["response", "flat"]
 )
 def test_values_that_were_changed_are_refused(more):
     with pytest.raises(InputError, match="no longer as the camera gave them"):

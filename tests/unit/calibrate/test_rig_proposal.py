@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from psstereo.calibrate.rig_figures import noise_gain, normals_at
-from psstereo.calibrate.rig_proposal import SHAPES, propose_rig
+from psstereo.calibrate.rig import SHAPES, propose_rig
+from psstereo.calibrate.rig.figures import noise_gain, normals_at
 from psstereo.errors import OptionError
 
 BEST = np.degrees(np.arctan(np.sqrt(2)))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from psstereo.calibrate.rig_figures import noise_gain, normals_at, rig_figures
-from psstereo.calibrate.rig_rating import assess_rig, rate_rig
+from psstereo.calibrate.rig import assess_rig, rate_rig
+from psstereo.calibrate.rig.figures import noise_gain, normals_at, rig_figures
 from psstereo.errors import InputError, RigError, UnsupportedError
 from psstereo.lights import Ambient, Led, Rig
 

@@ -7,8 +7,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from psstereo.calibrate.known_shape import calibrate_known_shape, sphere_normals
-from psstereo.calibrate.known_shape_mesh import mesh_normals
+from psstereo.calibrate.shape import calibrate_known_shape, mesh_normals, sphere_normals
 from psstereo.camera import Orthographic, Pinhole
 from psstereo.errors import InputError, RigError
 

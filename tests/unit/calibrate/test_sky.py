@@ -6,10 +6,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from psstereo.calibrate.sky import SkyOptions, estimate_sky
-from psstereo.calibrate.sun import calibrate_sun
-from psstereo.calibrate.sun_camera import rotation_from_heading
-from psstereo.calibrate.sun_position import Place
+from psstereo.calibrate.sun import Place, SkyOptions, calibrate_sun, estimate_sky, rotation_from_heading
 from psstereo.capture import Capture
 from psstereo.errors import InputError, OptionError, RigError
 from psstereo.flags import Flag

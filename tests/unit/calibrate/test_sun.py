@@ -5,12 +5,22 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 import pytest
 
-from psstereo.calibrate.sun import calibrate_sun
-from psstereo.calibrate.sun_camera import ShadowedPole, rotation_from_heading, rotation_from_pole
-from psstereo.calibrate.sun_clock import check_clock, facing_of_mask
-from psstereo.calibrate.sun_cone import judge_cone
-from psstereo.calibrate.sun_position import Place, SunPositions, clear_sky_strength, sun_positions
-from psstereo.calibrate.time_from_exif import parse_zone, place_of, time_of
+from psstereo.calibrate.sun import (
+    Place,
+    ShadowedPole,
+    SunPositions,
+    calibrate_sun,
+    check_clock,
+    clear_sky_strength,
+    facing_of_mask,
+    judge_cone,
+    parse_zone,
+    place_of,
+    rotation_from_heading,
+    rotation_from_pole,
+    sun_positions,
+    time_of,
+)
 from psstereo.camera import Pinhole
 from psstereo.capture import Capture
 from psstereo.errors import InputError, OptionError, RigError, UnsupportedError
@@ -81,7 +91,8 @@ def test_without_the_ephemeris_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "ephem", None)
     with pytest.raises(UnsupportedError) as caught:
         sun_positions(day(6, 21, [12.0]), KASSEL)
-    assert "psstereo[outdoor]" in caught.value.remedy
+    assert "ephem" in caught.value.remedy
+    assert "'outdoor'" in caught.value.remedy
 
 
 def test_refraction_lifts_a_low_sun_by_what_saemundsson_says():

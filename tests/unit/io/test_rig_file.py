@@ -106,7 +106,7 @@ def test_nothing_of_anybody_is_replaced(tmp_path):
     write_rig(path, replace(rig, names=_NAMES), overwrite=True)
     assert is_rig_file(path)
     assert read_rig(path).names == _NAMES
-    with pytest.raises(UnreadableFileError, match="does not exist"):
+    with pytest.raises(MissingFileError, match="does not exist"):
         write_rig(tmp_path / "none" / "rig.toml", rig)
 
 
