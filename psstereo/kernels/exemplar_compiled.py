@@ -10,7 +10,19 @@ import numba
 import numpy as np
 
 from psstereo.kernels.bipolynomial_compiled import select
-from psstereo.kernels.exemplar import (
+from psstereo.kernels.exemplar_steps_compiled import (
+    fill_lobes,
+    fill_mixed,
+    fill_residuals,
+    fill_system,
+    fill_turns,
+    median,
+    minimum,
+    nnls,
+    reached,
+    weigh,
+)
+from psstereo.kernels.exemplar_terms import (
     CUBED,
     DAMPING,
     DARK_SHARE,
@@ -19,22 +31,11 @@ from psstereo.kernels.exemplar import (
     LEAST_SLOPE,
     MAD,
     SETTLED,
-    SHORT,
     UNSETTLED,
     Dictionary,
     Fit,
     Settings,
-)
-from psstereo.kernels.exemplar_steps_compiled import (
-    fill_columns,
-    fill_residuals,
-    fill_system,
-    fill_turns,
-    median,
-    minimum,
-    nnls,
-    slopes,
-    weigh,
+    no_fit,
 )
 from psstereo.types import BoolArray, FloatArray, IntArray
 
@@ -58,6 +59,7 @@ class _Work(NamedTuple):
     across: FloatArray  # tangents (2, 3)
     lobes: FloatArray  # amounts (k,)
     ties: FloatArray
+    trail: FloatArray  # states of the last rounds (3, q + 3)
 
 
 @_plain
@@ -74,15 +76,20 @@ def _tangents(n, across):
 
 
 @_plain
-def _derivatives(n, x, size, table, d, work):
-    """Fill the two last columns with how the sum changes along the tangents."""
+def _columns(n, x, table, d, work):
+    """Fill what each exemplar shows, and in the two last columns how the sum changes along the tangents."""
+    size = len(d.ties)
     _tangents(n, work.across)
     for k in range(len(d.kinds)):
         work.lobes[k] = x[k] if d.mix.shape[0] == 0 else 0.0
         for q in range(d.mix.shape[0]):
             work.lobes[k] += x[q] * d.mix[q, k]
-    slopes(n, table, d.kinds, d.shapes, work.lobes, work.rows[3], work.rows[4], work.rows[5:8])
-    fill_turns(table, work.across, work.rows[5:8], work.columns[size], work.columns[size + 1])
+    own = work.columns[:size]
+    parts = own if d.mix.shape[0] == 0 else work.parts
+    by = work.rows[5:8]
+    fill_lobes(n, table, d.kinds, d.shapes, d.mix, work.lobes, work.rows[3], work.rows[4], parts, by)
+    fill_mixed(d.mix, work.parts, own)
+    fill_turns(table, work.across, by, work.columns[size], work.columns[size + 1])
 
 
 @_plain
@@ -117,42 +124,93 @@ def _tie(d, scale, ties):
 
 
 @_plain
+def _prolong(n, x, trail, known, s):
+    """Prolong a step, in place, by the secant of the last two; return by how much.
+
+    Not where steps become longer, or an amount has come or gone: there the last two are of different kinds.
+    `trail` has a row each for the state before the step, for the step before, and for where that one led.
+    """
+    size = trail.shape[1] - 3
+    top, bottom, square, last = 0.0, 0.0, 0.0, 0.0
+    for e in range(3):
+        step = n[e] - trail[0, size + e]
+        change = step - trail[1, size + e]
+        top += step * change
+        bottom += change * change
+        square += step * step
+        last += trail[1, size + e] ** 2
+    known = known and square < last
+    for q in range(size):
+        known = known and (x[q] > 0.0) == (trail[0, q] > 0.0)
+    more = min(max(-top / bottom, -0.5), s.reach) if known and bottom > 0.0 else 0.0
+    for q in range(size + 3):
+        now = x[q] if q < size else n[q - size]
+        further = now + more * (now - trail[2, q])
+        trail[1, q], trail[2, q] = now - trail[0, q], now
+        if q < size:
+            x[q] = max(further, 0.0)
+        else:
+            n[q - size] = further
+    return more
+
+
+@_plain
+def _round(y, g, first, table, d, s, n, x, k, scale, work):
+    """Move n and x by one step; return scale and step, infinite if it fails, and whether the light serves."""
+    r, w, sizes, cosine = work.rows[0], work.rows[1], work.rows[2], work.rows[3]
+    a, b, size, turns = work.a, work.b, len(d.ties), 0 if k < 0 else 2
+    if k < 0:
+        w[:] = first
+    else:
+        if reached(g, cosine, s.dark) < s.least:
+            return scale, 1.0, False
+        if k < s.freeze:
+            scale = max(s.tuning * MAD * median(r, g, cosine, s.dark, sizes), s.floor)
+        weigh(r, g, cosine, s.dark, 1.0 / (scale * scale), w)
+    _tie(d, scale, work.ties)
+    mass = fill_system(work.columns[: size + turns], w, y, work.ties, sizes, a, b)
+    for q in range(size + 3):
+        work.trail[0, q] = x[q] if q < size else n[q - size]
+    for e in range(turns):
+        a[size + e, size + e] *= 1.0 + DAMPING
+        x[size + e] = 0.0
+    if not nnls(a, b, size + turns, turns, x, mass, work.passive, work.at, work.small, work.z):
+        return scale, 1.0, False
+    if k < 0:
+        return scale, 1.0, True
+    step = math.hypot(x[size], x[size + 1])
+    part = min(1.0, s.longest / max(step, 1e-300))
+    _climb(n, work.across, part * x[size], part * x[size + 1])
+    return scale, step, True
+
+
+@_plain
 def _descend(y, g, first, table, d, s, n, x, work):
     """Run rounds from n; return scale, loss, last step and whether it is sound. The first only fits the amounts."""
-    r, w, sizes, cosine, half = work.rows[0], work.rows[1], work.rows[2], work.rows[3], work.rows[4]
-    a, b, size = work.a, work.b, len(d.ties)
-    own = work.columns[:size]
+    size, a, r = len(d.ties), work.a, work.rows[0]
     x[:] = 0.0
-    scale, step, turns = s.floor, 1.0, 0
+    scale, step, known = s.floor, 1.0, False
     for k in range(-1, s.rounds):
-        fill_columns(n, table, d.kinds, d.shapes, d.mix, cosine, half, work.parts, own)
-        fill_residuals(y, own, x, size, r)
-        if k < 0:
-            w[:] = first
-        else:
-            middle, count = median(r, g, cosine, s.dark, sizes)
-            if count < s.least:
-                return scale, 0.0, step, False
-            if k < s.freeze:
-                scale = max(s.tuning * MAD * middle, s.floor)
-            weigh(r, g, cosine, s.dark, 1.0 / (scale * scale), w)
-            _derivatives(n, x, size, table, d, work)
-            turns = 2
-        _tie(d, scale, work.ties)
-        mass = fill_system(work.columns[: size + turns], w, y, work.ties, sizes, a, b)
-        for e in range(turns):
-            a[size + e, size + e] *= 1.0 + DAMPING
-            x[size + e] = 0.0
-        if not nnls(a, b, size + turns, turns, x, mass, work.passive, work.at, work.small, work.z):
+        _columns(n, x, table, d, work)
+        fill_residuals(y, work.columns, x, size, r)
+        scale, step, sound = _round(y, g, first, table, d, s, n, x, k, scale, work)
+        if not sound:
             return scale, 0.0, step, False
-        if k >= 0:
-            step = math.hypot(x[size], x[size + 1])
-            part = min(1.0, s.longest / max(step, 1e-300))
-            _climb(n, work.across, part * x[size], part * x[size + 1])
-        if step <= s.tolerance and k + 1 >= s.freeze:
+        if k + 1 < s.freeze:
+            continue
+        if step <= s.tolerance:
             break
-    fill_columns(n, table, d.kinds, d.shapes, d.mix, cosine, half, work.parts, own)
-    fill_residuals(y, own, x, size, r)
+        near = k >= s.freeze and step < s.near
+        if near:
+            more = _prolong(n, x, work.trail, known, s)
+            _climb(n, work.across, 0.0, 0.0)
+            u, v, whole = x[size], x[size + 1], 1.0 + max(more, 0.0)
+            told = u * u * a[size, size] + 2.0 * u * v * a[size, size + 1] + v * v * a[size + 1, size + 1]
+            if known and whole * whole * told <= (s.told * scale) ** 2:
+                break
+        known = near
+    _columns(n, x, table, d, work)
+    fill_residuals(y, work.columns, x, size, r)
     return scale, _loss(r, g, s.yard), step, True
 
 
@@ -276,7 +334,7 @@ def _best(y, g, first, start, table, d, s, n, x, other, x_other, work):
 
 
 @_plain
-def _pixels(values, weights, start, table, d, s, normal, amounts, spread, outcome, share, scales, evidence):
+def _pixels(values, weights, start, tables, d, s, normal, amounts, spread, outcome, share, scales, evidence):
     p, m = values.shape
     size, count = len(d.ties), len(d.kinds)
     y, g, first, one = np.zeros(m), np.zeros(m), np.zeros(m), np.ones(m)
@@ -294,8 +352,10 @@ def _pixels(values, weights, start, table, d, s, normal, amounts, spread, outcom
         np.zeros((2, 3)),
         np.zeros(count),
         np.zeros(size),
+        np.zeros((3, size + 3)),
     )
     for j in range(p):
+        table = tables[j if len(tables) > 1 else 0]
         weight = weights[j] if weights.size else one
         for i in range(m):
             if values[j, i] - values[j, i] == 0.0 and weight[i] > 0.0:
@@ -311,8 +371,7 @@ def _pixels(values, weights, start, table, d, s, normal, amounts, spread, outcom
         normal[j], scales[j] = n, scale
         for k in range(size):
             amounts[j, k] = x[k] * top
-        fill_columns(n, table, d.kinds, d.shapes, d.mix, work.rows[3], work.rows[4], work.parts, work.columns[:size])
-        _derivatives(n, x, size, table, d, work)
+        _columns(n, x, table, d, work)
         _spread(y, g, x, size, d, s.dark, scale, work, spread[j], share[j])
         evidence[j] = _evidence(y, g, start[j], table, top, scale, work.rows[0], work.rows[1])
 
@@ -326,15 +385,8 @@ def fit_pixels(
     settings: Settings,
 ) -> Fit:
     """Fit exemplars to pixels; see :func:`psstereo.kernels.exemplar.fit_pixels`."""
-    (p, m), size = values.shape, len(dictionary.ties)
-    out = Fit(
-        np.full((p, 3), np.nan),
-        np.full((p, size), np.nan),
-        np.full((p, 3), np.nan),
-        np.full(p, SHORT),
-        np.full((p, m), np.nan),
-        np.full(p, np.nan),
-        np.zeros(p),
-    )
-    _pixels(values, weights, start, table, dictionary, settings, *out)
+    tables = np.ascontiguousarray(table if table.ndim == 3 else table[None])  # so that there is one kind to compile
+    p, m = values.shape
+    out = no_fit(p, m, len(dictionary.ties))
+    _pixels(values, weights, start, tables, dictionary, settings, *out)
     return out

@@ -36,6 +36,7 @@ __all__ = [
     "LAMBERT",
     "POWER",
     "ROUGH",
+    "along",
     "lights_table",
     "lobes",
     "slopes",
@@ -57,19 +58,41 @@ def lights_table(directions: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    directions : float64 array (m, 3)
-        Unit vectors from the surface to the lights.
+    directions : float64 array (m, 3) or (p, m, 3)
+        Unit vectors from the surface to the lights, the same at every pixel or a set a pixel, in whose frame z points
+        at the camera. A vector of zeros stands for no light: that observation must not take part, so be NaN [1].
 
     Returns
     -------
-    float64 array (7, m)
-        ``l``, ``h`` and ``(l·h)²``; the half vector of a light behind the object is zero.
+    float64 array (7, m) or (p, 7, m)
+        ``l``, ``h`` and ``(l·h)²``; the half vector of a light behind the object is zero [1].
     """
     half = directions + np.array([0.0, 0.0, 1.0])
-    length = np.sqrt((half * half).sum(axis=1, keepdims=True))
+    length = np.sqrt((half * half).sum(axis=-1, keepdims=True))
     half = np.where(length > 1e-9, half / np.maximum(length, 1e-9), 0.0)
-    across = (directions * half).sum(axis=1)
-    return np.ascontiguousarray(np.concatenate([directions, half, across[:, None] ** 2], axis=1).T)
+    across = (directions * half).sum(axis=-1)
+    rows = np.concatenate([directions, half, across[..., None] ** 2], axis=-1)
+    return np.ascontiguousarray(np.swapaxes(rows, -1, -2))
+
+
+def along(vectors: FloatArray, axes: FloatArray) -> FloatArray:
+    """Return the products of each pixel's vector with the lights' axes.
+
+    Parameters
+    ----------
+    vectors : float64 array (p, 3)
+        A vector a pixel [1].
+    axes : float64 array (3, m) or (p, 3, m)
+        Three rows of the lights' table, shared by all pixels or one set a pixel [1].
+
+    Returns
+    -------
+    float64 array (p, m)
+        The products [1].
+    """
+    if axes.ndim == 2:
+        return np.asarray(vectors @ axes)
+    return np.asarray((vectors[:, None] @ axes)[:, 0])
 
 
 def tangents(normals: FloatArray) -> FloatArray:
@@ -92,8 +115,8 @@ def lobes(normals: FloatArray, table: FloatArray, kinds: IntArray, shapes: Float
     ----------
     normals : float64 array (p, 3)
         Unit normals.
-    table : float64 array (7, m)
-        The lights; see :func:`lights_table`.
+    table : float64 array (7, m) or (p, 7, m)
+        The lights, of all pixels or of each; see :func:`lights_table` [1].
     kinds : int array (k,)
         Kinds of the lobes.
     shapes : float64 array (k,)
@@ -104,13 +127,17 @@ def lobes(normals: FloatArray, table: FloatArray, kinds: IntArray, shapes: Float
     float64 array (p, k, m)
         Brightness.
     """
-    cosine = np.maximum(normals @ table[:3], 0.0)
-    eye = np.maximum(normals[:, 2:], GRAZING)
-    half = normals @ table[3:6]
-    result = np.zeros((len(normals), len(kinds), table.shape[1]))
+    cosine, eye, half = _angles(normals, table)
+    result = np.zeros((len(normals), len(kinds), table.shape[-1]))
     for k, (kind, shape) in enumerate(zip(kinds, shapes, strict=True)):
         result[:, k] = _lobe(int(kind), float(shape), cosine, eye, half, table)
     return result
+
+
+def _angles(normals: FloatArray, table: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the cosines to the lights, to the view (p, 1), and to the half vectors."""
+    cosine = np.maximum(along(normals, table[..., :3, :]), 0.0)
+    return cosine, np.maximum(normals[:, 2:], GRAZING), along(normals, table[..., 3:6, :])
 
 
 def _lobe(kind: int, s: float, c: FloatArray, eye: FloatArray, half: FloatArray, table: FloatArray) -> FloatArray:
@@ -124,10 +151,10 @@ def _lobe(kind: int, s: float, c: FloatArray, eye: FloatArray, half: FloatArray,
     elif kind == GLAZE:
         shape = 1.0 - (1.0 - c) ** 5
     elif kind == ROUGH:
-        retro = 2.0 * s * table[6] - 0.5
+        retro = 2.0 * s * table[..., 6, :] - 0.5
         shape = (1.0 + retro * (1.0 - c) ** 5) * (1.0 + retro * (1.0 - eye) ** 5)
     elif kind == FACETED:
-        shape = 1.0 + s * np.maximum(table[2] - c * eye, 0.0) / np.maximum(c, eye)
+        shape = 1.0 + s * np.maximum(table[..., 2, :] - c * eye, 0.0) / np.maximum(c, eye)
     return np.asarray(c * shape)
 
 
@@ -155,10 +182,8 @@ def slopes(
     float64 array (p, 3, m)
         The three derivatives.
     """
-    cosine = np.maximum(normals @ table[:3], 0.0)
-    eye = np.maximum(normals[:, 2:], GRAZING)
-    half = normals @ table[3:6]
-    result = np.zeros((len(normals), 3, table.shape[1]))
+    cosine, eye, half = _angles(normals, table)
+    result = np.zeros((len(normals), 3, table.shape[-1]))
     for k, (kind, shape) in enumerate(zip(kinds, shapes, strict=True)):
         result += amounts[:, k, None, None] * _slope(int(kind), float(shape), cosine, eye, half, table)
     result[:, :2] *= (cosine > 0.0)[:, None]
@@ -169,7 +194,7 @@ def slopes(
 def _slope(kind: int, s: float, c: FloatArray, eye: FloatArray, half: FloatArray, table: FloatArray) -> FloatArray:
     flat, x = np.zeros_like(c), 1.0 - c
     if kind == FACETED:
-        return _faceted_slope(s, c, eye, table[2])
+        return _faceted_slope(s, c, eye, table[..., 2, :])
     if kind == GGX:
         return _gloss_slope(s * s, c, eye, half)
     by_light, by_eye = flat + 1.0, flat
@@ -180,7 +205,7 @@ def _slope(kind: int, s: float, c: FloatArray, eye: FloatArray, half: FloatArray
     elif kind == GLAZE:
         by_light = 1.0 - x**5 + 5.0 * c * x**4
     elif kind == ROUGH:
-        retro = 2.0 * s * table[6] - 0.5
+        retro = 2.0 * s * table[..., 6, :] - 0.5
         lit = 1.0 + retro * x**5
         by_light = (1.0 + retro * (1.0 - eye) ** 5) * (lit - 5.0 * c * retro * x**4)
         by_eye = -5.0 * c * lit * retro * (1.0 - eye) ** 4

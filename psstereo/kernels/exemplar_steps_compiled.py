@@ -10,20 +10,20 @@ import numba
 import numpy as np
 
 from psstereo.kernels.bipolynomial_compiled import factor, select, solve_factored
-from psstereo.kernels.exemplar import WEAK
 from psstereo.kernels.exemplar_lobes import CONSTANT, FACETED, GGX, GLAZE, GRAZING, POWER, ROUGH
 from psstereo.kernels.exemplar_nnls import NOTHING, STEPS
+from psstereo.kernels.exemplar_terms import WEAK
 
 __all__ = [
-    "fill_columns",
+    "fill_lobes",
+    "fill_mixed",
     "fill_residuals",
     "fill_system",
     "fill_turns",
-    "lobes",
     "median",
     "minimum",
     "nnls",
-    "slopes",
+    "reached",
     "weigh",
 ]
 
@@ -35,73 +35,122 @@ _plain: Any = numba.njit(nogil=True, cache=True, error_model="numpy")
 
 
 @_loop
-def _ggx(s, eye, cosine, half, out):
+def _gloss(s, amount, eye, cosine, half, out, by):
+    """Fill a gloss and add its derivatives; one division and one root for all of them."""
     square = s * s
+    rest, steep = 1.0 - square, 4.0 * (1.0 - square) / square
     seen = math.sqrt(eye * eye + square * (1.0 - eye * eye))
+    sidelong = rest * eye / seen
     for i in range(len(out)):
         c, h = cosine[i], half[i]
-        facets = square / ((square - 1.0) * h * h + 1.0)
         light = math.sqrt(c * c + square * (1.0 - c * c))
-        v = c * facets * facets * 2.0 / max(c * seen + eye * light, 1e-9)
-        out[i] = v if h > 0.0 else 0.0
+        below, narrow = max(c * seen + eye * light, 1e-9), 1.0 - rest * h * h
+        share = 1.0 / (narrow * below * light)
+        facets, under = square * (share * below * light), share * narrow * light
+        bare = 2.0 * facets * facets * under if h > 0.0 else 0.0
+        out[i] = c * bare
+        bare *= amount
+        by[0, i] += bare * (1.0 - c * (seen + eye * rest * c * (share * narrow * below)) * under)
+        by[1, i] += bare * c * steep * h * facets
+        by[2, i] -= bare * c * (c * sidelong + light) * under
 
 
 @_loop
-def _matte(kind, s, eye, cosine, table, out):
-    """Fill the lobes without highlights."""
+def _power(s, amount, cosine, out, by):
+    """Fill the cosine to a power; whole powers by products, since the general one costs more than all the rest."""
+    whole = int(s)
+    if whole == s and whole >= 1:
+        out[:] = 1.0
+        for _ in range(whole - 1):
+            for i in range(len(out)):
+                out[i] *= cosine[i]
+    else:
+        for i in range(len(out)):
+            out[i] = (cosine[i] if cosine[i] > 0.0 else 1.0) ** (s - 1.0)
+    for i in range(len(out)):
+        by[0, i] += amount * s * out[i]
+        out[i] *= cosine[i]
+
+
+@_loop
+def _matte(kind, s, amount, eye, cosine, table, out, by):
+    """Fill a lobe without highlight and add its derivatives."""
     if kind == GLAZE:
         for i in range(len(out)):
             c = cosine[i]
             x = 1.0 - c
-            out[i] = c * (1.0 - x * x * x * x * x)
+            fourth = x * x * x * x
+            out[i] = c * (1.0 - fourth * x)
+            by[0, i] += amount * (1.0 - fourth * x + 5.0 * c * fourth)
     elif kind == ROUGH:
-        e = (1.0 - eye) ** 5
+        e = 1.0 - eye
         for i in range(len(out)):
             c = cosine[i]
             x = 1.0 - c
-            retro = 2.0 * s * table[6, i] - 0.5
-            out[i] = c * (1.0 + retro * x * x * x * x * x) * (1.0 + retro * e)
+            retro, fourth = 2.0 * s * table[6, i] - 0.5, x * x * x * x
+            lit, seen = 1.0 + retro * fourth * x, 1.0 + retro * e * e * e * e * e
+            out[i] = c * lit * seen
+            by[0, i] += amount * seen * (lit - 5.0 * c * retro * fourth)
+            by[2, i] -= amount * 5.0 * c * lit * retro * e * e * e * e
     elif kind == FACETED:
         for i in range(len(out)):
             c = cosine[i]
-            out[i] = c * (1.0 + s * max(table[2, i] - c * eye, 0.0) / max(c, eye))
+            toward, larger = max(table[2, i] - c * eye, 0.0), 1.0 / max(c, eye)
+            some, rest = 1.0 if toward > 0.0 else 0.0, toward * larger * larger
+            by_light = some * eye * larger + (rest if c > eye else 0.0)
+            by_eye = some * c * larger + (0.0 if c > eye else rest)
+            out[i] = c * (1.0 + s * toward * larger)
+            by[0, i] += amount * (1.0 + s * toward * larger - s * c * by_light)
+            by[2, i] -= amount * s * c * by_eye
     elif kind == POWER:
-        for i in range(len(out)):
-            out[i] = cosine[i] ** s
+        _power(s, amount, cosine, out, by)
     elif kind == CONSTANT:
-        for i in range(len(out)):
-            out[i] = 1.0
+        out[:] = 1.0
     else:
         for i in range(len(out)):
             out[i] = cosine[i]
+            by[0, i] += amount
 
 
 @_loop
-def lobes(n, table, kinds, shapes, cosine, half, out):
-    """Fill cosines, half cosines, and lobes (k, m); see :func:`psstereo.kernels.exemplar_lobes.lobes`."""
+def fill_lobes(n, table, kinds, shapes, mix, amounts, cosine, half, out, by):
+    """Fill cosines, half cosines, lobes (k, m), and the derivatives of their sum (3, m).
+
+    See :func:`psstereo.kernels.exemplar_lobes.lobes` and :func:`psstereo.kernels.exemplar_lobes.slopes`. A lobe that
+    no exemplar has a part of is left as it is.
+    """
     n0, n1, n2 = n[0], n[1], n[2]
     for i in range(table.shape[1]):
         cosine[i] = max(n0 * table[0, i] + n1 * table[1, i] + n2 * table[2, i], 0.0)
         half[i] = n0 * table[3, i] + n1 * table[4, i] + n2 * table[5, i]
     eye = max(n2, GRAZING)
+    by[:] = 0.0
     for k in range(len(kinds)):
-        if kinds[k] == GGX:
-            _ggx(shapes[k], eye, cosine, half, out[k])
-        else:
-            _matte(kinds[k], shapes[k], eye, cosine, table, out[k])
+        has = mix.shape[0] == 0
+        for q in range(mix.shape[0]):
+            has |= mix[q, k] != 0.0
+        if has and kinds[k] == GGX:
+            _gloss(shapes[k], amounts[k], eye, cosine, half, out[k], by)
+        elif has:
+            _matte(kinds[k], shapes[k], amounts[k], eye, cosine, table, out[k], by)
+    facing = 1.0 if n2 > GRAZING else 0.0
+    for i in range(table.shape[1]):
+        lit = 1.0 if cosine[i] > 0.0 else 0.0
+        by[0, i] *= lit
+        by[1, i] *= lit
+        by[2, i] *= facing
 
 
 @_loop
-def fill_columns(n, table, kinds, shapes, mix, cosine, half, parts, out):
-    """Fill what each exemplar shows."""
-    lobes(n, table, kinds, shapes, cosine, half, out if mix.shape[0] == 0 else parts)
+def fill_mixed(mix, parts, out):
+    """Fill what each exemplar shows as a sum of lobes."""
     for q in range(mix.shape[0]):
-        for i in range(out.shape[1]):
-            out[q, i] = 0.0
+        out[q] = 0.0
         for k in range(mix.shape[1]):
             share = mix[q, k]
-            for i in range(out.shape[1]):
-                out[q, i] += share * parts[k, i]
+            if share != 0.0:
+                for i in range(out.shape[1]):
+                    out[q, i] += share * parts[k, i]
 
 
 @_loop
@@ -205,87 +254,24 @@ def weigh(r, g, cosine, dark, inverse, w):
         w[i] = (g[i] if cosine[i] > dark else 0.0) / (v * v)
 
 
+@_loop
+def reached(g, cosine, dark):
+    """Return how many observations are lit."""
+    count = 0
+    for i in range(len(g)):
+        count += 1 if g[i] > 0.0 and cosine[i] > dark else 0
+    return count
+
+
 @_plain
 def median(r, g, cosine, dark, sizes):
-    """Return the median size of the lit residuals, and their number."""
+    """Return the median size of the lit residuals."""
     n = 0
     for i in range(len(r)):
         if g[i] > 0.0 and cosine[i] > dark:
             sizes[n] = abs(r[i]) * math.sqrt(g[i])
             n += 1
-    return (select(sizes, n, int(0.5 * (n - 1) + 0.5)) if n > 0 else 0.0), n
-
-
-@_loop
-def _gloss_slopes(amount, square, eye, cosine, half, out):
-    """Add the derivatives of a gloss."""
-    rest = 1.0 - square
-    seen = math.sqrt(eye * eye + square * (1.0 - eye * eye))
-    for i in range(out.shape[1]):
-        c, h = cosine[i], half[i]
-        facets = square / (1.0 - rest * h * h)
-        light = math.sqrt(c * c + square * (1.0 - c * c))
-        below = max(c * seen + eye * light, 1e-9)
-        bare = amount * 2.0 * facets * facets / below if h > 0.0 else 0.0
-        out[0, i] += bare * (1.0 - c * (seen + eye * rest * c / light) / below)
-        out[1, i] += bare * c * 4.0 * rest * h * facets / square
-        out[2, i] -= bare * c * (c * rest * eye / seen + light) / below
-
-
-@_loop
-def _matte_slopes(kind, s, amount, eye, cosine, table, out):
-    """Add the derivatives of a lobe without highlight."""
-    m = out.shape[1]
-    if kind == GLAZE:
-        for i in range(m):
-            c = cosine[i]
-            x = 1.0 - c
-            out[0, i] += amount * (1.0 - x * x * x * x * x + 5.0 * c * x * x * x * x)
-    elif kind == ROUGH:
-        e = 1.0 - eye
-        for i in range(m):
-            c = cosine[i]
-            x = 1.0 - c
-            retro = 2.0 * s * table[6, i] - 0.5
-            lit, seen = 1.0 + retro * x * x * x * x * x, 1.0 + retro * e * e * e * e * e
-            out[0, i] += amount * seen * (lit - 5.0 * c * retro * x * x * x * x)
-            out[2, i] -= amount * 5.0 * c * lit * retro * e * e * e * e
-    elif kind == FACETED:
-        for i in range(m):
-            c = cosine[i]
-            toward, larger = max(table[2, i] - c * eye, 0.0), max(c, eye)
-            some, rest = 1.0 if toward > 0.0 else 0.0, toward / (larger * larger)
-            by_light = some * eye / larger + (rest if c > eye else 0.0)
-            by_eye = some * c / larger + (0.0 if c > eye else rest)
-            out[0, i] += amount * (1.0 + s * toward / larger - s * c * by_light)
-            out[2, i] -= amount * s * c * by_eye
-    elif kind == POWER:
-        for i in range(m):
-            c = cosine[i] if cosine[i] > 0.0 else 1.0
-            out[0, i] += amount * s * c ** (s - 1.0)
-    elif kind != CONSTANT:
-        for i in range(m):
-            out[0, i] += amount
-
-
-@_loop
-def slopes(n, table, kinds, shapes, amounts, cosine, half, out):
-    """Fill the derivatives of a sum of lobes, (3, m); see :func:`psstereo.kernels.exemplar_lobes.slopes`."""
-    eye = max(n[2], GRAZING)
-    for e in range(3):
-        for i in range(out.shape[1]):
-            out[e, i] = 0.0
-    for k in range(len(kinds)):
-        if amounts[k] > 0.0:
-            if kinds[k] == GGX:
-                _gloss_slopes(amounts[k], shapes[k] * shapes[k], eye, cosine, half, out)
-            else:
-                _matte_slopes(kinds[k], shapes[k], amounts[k], eye, cosine, table, out)
-    for i in range(out.shape[1]):
-        lit = 1.0 if cosine[i] > 0.0 else 0.0
-        out[0, i] *= lit
-        out[1, i] *= lit
-        out[2, i] *= 1.0 if n[2] > GRAZING else 0.0
+    return select(sizes, n, int(0.5 * (n - 1) + 0.5)) if n > 0 else 0.0
 
 
 @_loop

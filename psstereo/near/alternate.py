@@ -74,6 +74,9 @@ class Alternation:
         Samples times rounds of the whole run.
     over : map-like
         Executes blocks.
+    last_stands : bool
+        Whether rounds that did not converge end at the last surface rather than at that of least energy: for fits that
+        minimise something else.
     """
 
     lamps: FloatArray
@@ -81,6 +84,7 @@ class Alternation:
     hold: float | None
     work: float
     over: Map
+    last_stands: bool = False
 
     def fit(self, level: Level, q: FloatArray, start: FloatArray | None = None) -> NearFit:
         """Fit all pixels of a level at a surface."""
@@ -111,7 +115,7 @@ class Alternation:
         Returns
         -------
         Settled
-            The last surface if it converged, that of least energy otherwise.
+            The last surface if it converged or `last_stands`, that of least energy otherwise.
         """
         quick = self.integrator
         if isinstance(quick, Poisson):  # a depth that will be replaced need not be solved to rounding
@@ -136,7 +140,7 @@ class Alternation:
             here = Settled(
                 q=q + share * step, fit=fit, moved=moved, energy=energy, converged=change <= tolerance, rounds=()
             )
-            if here.converged or not settled or energy < settled[0].energy:
+            if here.converged or self.last_stands or not settled or energy < settled[0].energy:
                 settled = [here]  # the others are not kept: they are large
             if here.converged:
                 break

@@ -15,6 +15,7 @@ from psstereo.near.alternate import Settled
 from psstereo.near.final import FinalFit
 from psstereo.near.lamps import lamp_fluxes
 from psstereo.near.options import NearOptions, NearResult
+from psstereo.near.reflectance import Reflectance
 from psstereo.near.view import View
 from psstereo.normals.channels import combine_channels
 from psstereo.normals.memory import MemoryPlan
@@ -46,6 +47,8 @@ class Run:
         How channels became one value.
     valid : (float, float) or None
         Raw values outside of which an observation was left out.
+    reflectance : Reflectance
+        What the surface was taken for.
     seconds : mapping
         Wall-clock seconds by stage [s].
     """
@@ -56,6 +59,7 @@ class Run:
     plan: MemoryPlan
     gray: str
     valid: tuple[float, float] | None
+    reflectance: Reflectance
     seconds: Mapping[str, float]
 
 
@@ -179,6 +183,8 @@ def _facts(run: Run, settled: Settled, final: FinalFit) -> dict[str, Any]:
         "energy": settled.energy,
         "relative_residual": final.residual,
         "relative_noise": final.noise,
+        **run.reflectance.facts(),
+        "pixels_glossy": final.glossy,
     }
 
 

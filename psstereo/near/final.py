@@ -7,11 +7,13 @@ import numpy as np
 from psstereo.flags import Flag, fatal_mask
 from psstereo.kernels.near import FEW, NearFit
 from psstereo.near.alternate import Alternation
+from psstereo.near.exemplars import Exemplars, blended, fit_exemplars
 from psstereo.near.fit import fit_level
 from psstereo.near.level import Level
+from psstereo.near.reflectance import Reflectance
 from psstereo.normals.moments import angular_spread, cholesky
 from psstereo.normals.solver import PixelNormals
-from psstereo.types import FlagArray, FloatArray
+from psstereo.types import FlagArray, FloatArray, IntArray
 
 __all__ = ["FinalFit", "final_fit"]
 
@@ -22,6 +24,9 @@ _LEAST_NOISE = 1e-4
 """Scale below which residuals are taken for rounding, as a share of the mean brightness."""
 
 _ROUNDS = 5
+
+_MOST = 0.5
+"""Share from which a pixel's remarks are those of the exemplars [1]."""
 
 _WIDER = 1.127
 """Factor on error bars where Tukey's weights were used: they shrink what is far out, even where all of it is noise. The
@@ -39,20 +44,26 @@ class FinalFit(NamedTuple):
     noise : float
         Median over the pixels of a residual's standard deviation, as a share of the mean brightness [1].
     residual : float
-        Length of all residuals over that of all values, both weighted as in the fit [1].
+        Length of all residuals over that of all values, both weighted as in the fit by Lambert's law [1].
+    glossy : float or None
+        Share of the pixels whose normals are mostly those of exemplars; None if there are none [1].
     """
 
     channels: list[PixelNormals]
     noise: float
     residual: float
+    glossy: float | None = None
 
 
-def final_fit(alternation: Alternation, level: Level, q: FloatArray, fit: NearFit) -> FinalFit:
+def final_fit(
+    alternation: Alternation, level: Level, q: FloatArray, fit: NearFit, reflectance: Reflectance
+) -> FinalFit:
     """Fit all pixels once more, with a scale from their own residuals.
 
     While the geometry was looked for, a residual of a tenth of the brightness counted as large, whatever the noise. Now
     that the surface is known, each pixel's residuals tell its noise; where few lamps make that uncertain it is not
-    taken for less than is usual in the image. The loss is Tukey's, and begins from the former fit.
+    taken for less than is usual in the image. The loss is Tukey's, and begins from the former fit. Exemplars are fitted
+    last, from there.
 
     Parameters
     ----------
@@ -64,6 +75,8 @@ def final_fit(alternation: Alternation, level: Level, q: FloatArray, fit: NearFi
         The surface.
     fit : NearFit
         The former fit.
+    reflectance : Reflectance
+        What the surface is taken for.
 
     Returns
     -------
@@ -71,9 +84,11 @@ def final_fit(alternation: Alternation, level: Level, q: FloatArray, fit: NearFi
         The answer.
     """
     channels: list[int | None] = [None] if level.store.shape[0] == 1 else list(range(level.store.shape[0]))
-    found, usual, squares, power = [], 0.0, 0.0, 0.0
+    found, usual, squares, power, glossy = [], 0.0, 0.0, 0.0, 0.0
+    state = reflectance.state
+    begun = fit if state is None else alternation.fit(level, q)
     for channel in channels:
-        now, start = fit, fit.scaled
+        now, start = begun, begun.scaled
         for _ in range(2):
             scale, usual = _scale(now, level.level)
             now = fit_level(
@@ -89,8 +104,39 @@ def final_fit(alternation: Alternation, level: Level, q: FloatArray, fit: NearFi
             )
             start = now.scaled
         found.append(_pixel_normals(now, level))
+        if state is not None:
+            scaled = found[-1].scaled
+            more = fit_exemplars(
+                level,
+                alternation.lamps,
+                q,
+                scaled,
+                state,
+                pull=False,
+                noise=reflectance.noise,
+                channel=channel,
+                over=alternation.over,
+            )
+            found[-1] = _mixed(found[-1], more, now.usable)
+            glossy += float(np.mean(more.share >= _MOST)) / len(channels)
         squares, power = squares + float(np.nansum(now.squares)), power + float(np.nansum(now.power))
-    return FinalFit(found, usual, float(np.sqrt(squares / power)) if power > 0 else 0.0)
+    residual = float(np.sqrt(squares / power)) if power > 0 else 0.0
+    return FinalFit(found, usual, residual, None if state is None else glossy)
+
+
+def _mixed(matte: PixelNormals, found: Exemplars, usable: IntArray) -> PixelNormals:
+    """Return a channel's answer with the exemplars' share in it."""
+    s, most = found.share, found.share >= _MOST
+    used = np.where(most, found.used, matte.used).astype(np.uint16)
+    flags = matte.flags.copy()
+    flags[most] &= ~np.uint16(Flag.SHADOWED | Flag.NO_REDUNDANCY)
+    flags[most & (used < usable)] |= np.uint16(Flag.SHADOWED)
+    flags[most & ~found.settled] |= np.uint16(Flag.NOT_CONVERGED)
+    # However the two errors hang together, their mean spreads no more than this.
+    with np.errstate(invalid="ignore"):
+        both = np.sqrt((1.0 - s) * matte.uncertainty**2 + s * found.uncertainty**2)
+    uncertainty = np.where(s > 0, np.where(s < 1, both, found.uncertainty), matte.uncertainty)
+    return PixelNormals(blended(matte.scaled, found), uncertainty, flags, used)
 
 
 def _scale(fit: NearFit, brightness: FloatArray) -> tuple[FloatArray, float]:

@@ -1,6 +1,8 @@
 """Fits of all pixels of a level at given places, block by block."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -10,13 +12,15 @@ from psstereo.near.level import Level
 from psstereo.normals.memory import BLOCK
 from psstereo.types import FloatArray, Map
 
-__all__ = ["SCALE", "fit_level"]
+__all__ = ["SCALE", "fit_level", "over_blocks"]
 
 SCALE = 0.1
 """Residual that counts as large while the geometry is looked for, as a share of a pixel's mean brightness."""
 
 BREAK_EVEN = 1e7
 """Samples times rounds from which the compiled twin is sooner done, loading included."""
+
+_Block: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +32,7 @@ class _Job:
     loss: int
     work: float
 
-    def __call__(self, block: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]) -> NearFit:
+    def __call__(self, block: _Block) -> NearFit:
         values, points, motion, start, scale = block
         fit = kernel("near", "fit_near", self.work, BREAK_EVEN)
         found: NearFit = fit(values, points, motion, self.lamps, start, scale, self.rounds, self.loss)
@@ -82,17 +86,53 @@ def fit_level(
     points = level.view.points(q)
     motion = level.view.motion(points)
     job = _Job(lamps, rounds, GEMAN_MCCLURE if scale is None else TUKEY, work)
-    parts: list[NearFit] = []
-    for tile in range(0, count, level.tile):
-        stop = min(tile + level.tile, count)
+
+    def block(values: FloatArray, s: int, e: int) -> _Block:
+        return values, points[s:e], motion[s:e], begin[s:e], width[s:e]
+
+    parts = over_blocks(level, job, block, channel=channel, over=over)
+    return NearFit(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+
+
+def over_blocks(
+    level: Level,
+    job: Callable[[Any], Any],
+    block: Callable[[FloatArray, int, int], Any],
+    *,
+    channel: int | None = None,
+    over: Map = map,
+) -> list[Any]:
+    """Do a job for every block of a level's pixels, one read of samples after the other.
+
+    Parameters
+    ----------
+    level : Level
+        Samples and lines of sight.
+    job : callable
+        What is done.
+    block : callable
+        Makes what the job is given, of values (m, k), the first pixel's number and the one after the last.
+    channel : int, optional
+        Which of the values to take; their mean if absent.
+    over : map-like
+        Executes blocks.
+
+    Returns
+    -------
+    list
+        What the jobs returned, in the order of the pixels.
+    """
+    parts: list[Any] = []
+    for tile in range(0, len(level), level.tile):
+        stop = min(tile + level.tile, len(level))
         samples = level.store.read(tile, stop)
         blocks = (
-            (_gray(samples[:, :, s - tile : e - tile], channel), points[s:e], motion[s:e], begin[s:e], width[s:e])
+            block(_gray(samples[:, :, s - tile : e - tile], channel), s, e)
             for s in range(tile, stop, BLOCK)
             for e in (min(s + BLOCK, stop),)
         )
         parts.extend(over(job, blocks))
-    return NearFit(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+    return parts
 
 
 def _gray(samples: FloatArray, channel: int | None) -> FloatArray:

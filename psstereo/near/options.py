@@ -7,9 +7,13 @@ from typing import Any
 
 from psstereo.depth import Integrator, Poisson
 from psstereo.errors import OptionError
+from psstereo.normals.exemplar import Exemplar
 from psstereo.results import DepthResult, NormalsResult, Outcome
 
-__all__ = ["NearOptions", "NearResult", "Round"]
+__all__ = ["REFLECTANCES", "NearOptions", "NearResult", "Round"]
+
+REFLECTANCES = ("auto", "lambert", "exemplar")
+"""What a surface under near lamps may be taken for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +46,11 @@ class NearOptions:
     length_unit : str or None
         Unit of the lamps' positions, such as ``"mm"``; if absent that of the camera, millimetres for
         files of lamps that have them, or ``"lamp units"``.
+    reflectance : str
+        What the surface is taken for: ``"lambert"``; ``"exemplar"``, a sum of matte and glossy materials where
+        Lambert's law does not explain a pixel; or ``"auto"``, that only where a sample of the pixels speaks for it.
+    exemplars : Exemplar
+        Numbers of the fit of these materials; its gate has no part in it.
     max_memory : int or None
         Bound for the samples; they wait in a temporary file beyond it [byte].
     workers : int
@@ -62,6 +71,8 @@ class NearOptions:
     saturation: bool = True
     valid_range: tuple[float, float] | None = None
     length_unit: str | None = None
+    reflectance: str = "auto"
+    exemplars: Exemplar = field(default_factory=Exemplar)
     max_memory: int | None = None
     workers: int = 1
 
@@ -77,6 +88,12 @@ class NearOptions:
                 given="The distance is to be held, but none is given.",
                 needed="A known distance is a number.",
                 remedy="Give the distance, or let it be found.",
+            )
+        if self.reflectance not in REFLECTANCES:
+            raise OptionError(
+                given=f"The reflectance is {self.reflectance!r}.",
+                needed=f"One of {', '.join(REFLECTANCES)}.",
+                remedy="Leave it out to have it chosen by what the images show.",
             )
         if not (self.max_rounds >= 1 and 0 < self.tolerance < 1):
             raise OptionError(
@@ -101,12 +118,15 @@ class Round:
     change : float
         Change of the logarithm of the distance, or of the height over the distance to the lamps, that 95 % of the
         pixels stay below [1].
+    reflectance : str
+        What the surface was taken for.
     """
 
     factor: int
     energy: float
     distance: float
     change: float
+    reflectance: str = "lambert"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

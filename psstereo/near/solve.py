@@ -4,7 +4,8 @@ Where a lamp is near, the direction and strength of its light depend on where th
 follows from the normals: neither comes first. Here they alternate [1]_. At a surface, every pixel has its own light
 vectors and gets its normal by a robust fit; the normals are integrated; and the constants that integration leaves free
 move to where the photometric energy is least, for fall-off tells how far the lamps are. The same at several image
-sizes, coarse ones first, from the best of many distances.
+sizes, coarse ones first, from the best of many distances. That fit is of Lambert's law; where it leaves more than
+noise, :mod:`psstereo.near.reflectance` goes on with glossy materials.
 
 References
 ----------
@@ -24,17 +25,15 @@ from psstereo.near.alternate import Alternation, Settled
 from psstereo.near.assemble import Run, assemble
 from psstereo.near.final import final_fit
 from psstereo.near.lamps import lamp_array, lamp_fluxes, require_metric
-from psstereo.near.level import Level, coarse_level, fine_level
+from psstereo.near.level import Level, coarse_level, fine_level, image_factors, refined
 from psstereo.near.options import NearOptions, NearResult, Round
+from psstereo.near.reflectance import require_enough, settle_reflectance
 from psstereo.near.search import find_distance, require_distance, require_lamps_outside
 from psstereo.normals.memory import plan_memory
 from psstereo.stack import Conversion, MemoryStore, PixelSet, SpillStore, gather, gray_weights
 from psstereo.types import FloatArray, Map, Progress, no_progress
 
 __all__ = ["solve_near"]
-
-_COARSEST = 2500
-"""Pixels of the image on which the distance is looked for."""
 
 _ROUNDS_OF_WORK = 150
 """Rounds of reweighting that a typical run makes on the full image, the coarse ones included."""
@@ -52,12 +51,15 @@ def solve_near(
 ) -> NearResult:
     """Recover normals, albedo and metric depth from a capture under lamps at known positions.
 
-    The surface is matte; cast shadows and highlights are outvoted where enough lamps are left. The relief must be
-    moderate, below about a third of the distance to the lamps. The depth has the unit of the lamps' positions.
+    Cast shadows and narrow highlights are outvoted where enough lamps are left. From sixteen lamps on, surfaces that
+    are not matte are taken for sums of exemplar materials where a sample of the pixels speaks for it. The relief must
+    be moderate, below about a third of the distance to the lamps. The depth has the unit of the lamps' positions.
 
     Do not use it for lamps so far away that their light is parallel: nothing then tells the distance, and it is refused
     where its standard deviation exceeds a tenth of it. Give the distance and hold it, or use a solver for distant
-    lights. Do not use it where the depth jumps: choose an integrator that can take that, or a mask for each piece.
+    lights. Do not use it for brushed metal, hair or cloth, nor for metal under lamps of a narrow cone, whose distance
+    and material look alike. Do not use it where the depth jumps: choose an integrator that can take that, or a mask for
+    each piece.
 
     Parameters
     ----------
@@ -103,6 +105,7 @@ def solve_near(
     chosen = options or NearOptions()
     started = time.perf_counter()
     lamps = lamp_array(capture.rig)
+    require_enough(chosen, len(lamps))
     require_metric(capture.camera)
     start = _start(capture, chosen)
     pixels = PixelSet.from_mask(capture.effective_mask)
@@ -124,9 +127,10 @@ def solve_near(
         read = time.perf_counter()
         fine = fine_level(store, capture.camera, capture.effective_mask, plan.tile)
         settled = _descend(alternation, fine, pixels, options=chosen, start=start, progress=progress)
+        settled, reflectance = settle_reflectance(alternation, fine, pixels, settled, options=chosen, progress=progress)
         require_lamps_outside(lamps, fine.view, settled.q)
         require_distance(alternation, fine, settled)
-        final = final_fit(alternation, fine, settled.q, settled.fit)
+        final = final_fit(alternation, fine, settled.q, settled.fit, reflectance)
     run = Run(
         capture=capture,
         options=chosen,
@@ -134,6 +138,7 @@ def solve_near(
         plan=plan,
         gray=channels.name,
         valid=conversion.valid,
+        reflectance=reflectance,
         seconds={"read": read - started, "solve": time.perf_counter() - read},
     )
     return assemble(run, fine.view, settled, final)
@@ -195,40 +200,17 @@ def _descend(
     progress: Progress,
 ) -> Settled:
     """Find the distance on a coarse image, and refine the surface up to the full one."""
-    factors = _factors(len(pixels))
+    factors = image_factors(len(pixels))
     level = fine if factors[0] == 1 else coarse_level(fine, pixels, fine.view.camera, factors[0])
     settled = find_distance(alternation, level, start, progress)
     q, rounds = settled.q, list[Round](settled.rounds)
     for number, factor in enumerate(factors):
         if number > 0:
             finer = fine if factor == 1 else coarse_level(fine, pixels, fine.view.camera, factor)
-            q, level = _refined(level, q, finer), finer
+            q, level = refined(level, q, finer), finer
         tolerance = options.tolerance if factor == 1 else 3.0 * options.tolerance
         settled = alternation.run(level, q, tolerance=tolerance, limit=options.max_rounds)
         q = settled.q
         rounds.extend(settled.rounds)
         progress("alternating", number + 1, len(factors))
     return replace(settled, rounds=tuple(rounds))
-
-
-def _factors(pixels: int) -> list[int]:
-    """Return the sides of the coarse pixels, coarsest first: a half and a quarter of the side bring as much as both."""
-    coarsest = 1
-    while pixels > _COARSEST * coarsest * coarsest:
-        coarsest *= 2
-    factors = [coarsest]
-    while factors[-1] > 1:
-        factors.append(max(1, factors[-1] // (2 if len(factors) == 1 else 4)))
-    return factors
-
-
-def _refined(coarse: Level, q: FloatArray, fine: Level) -> FloatArray:
-    """Return a coarse surface at the pixels of a finer image, linear between the coarse pixels' centres."""
-    from scipy.ndimage import distance_transform_edt, map_coordinates
-
-    image = coarse.view.image(q)
-    nearest = distance_transform_edt(np.isnan(image), return_distances=False, return_indices=True)
-    ratio = coarse.factor / fine.factor
-    rows, columns = np.nonzero(fine.view.mask)
-    where = [(rows + 0.5) / ratio - 0.5, (columns + 0.5) / ratio - 0.5]
-    return np.asarray(map_coordinates(image[tuple(nearest)], where, order=1, mode="nearest"))

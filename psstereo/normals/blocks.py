@@ -124,9 +124,8 @@ class BlockJob:
         at = np.unique(np.linspace(0, count - 1, wanted).astype(np.intp))
         read = np.concatenate([store.read(int(i), int(i) + 1) for i in at], axis=2)
         values, weights = self._observations(self.pixels.indices[at], read)
-        return self.solver.taught(
-            rig, Samples(np.hstack(list(values)), None if weights is None else np.tile(weights, len(values)))
-        )
+        heavy = None if weights is None else np.tile(weights, len(values))
+        return self.solver.taught(rig, Samples(np.hstack(list(values)), heavy), count)
 
     def _observations(self, indices: IntArray, values: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """Return values (k, m, p) and weights (m, p) of some pixels as the solver is to see them."""

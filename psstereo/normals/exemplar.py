@@ -25,8 +25,10 @@ from psstereo.types import FloatArray, IntArray
 
 __all__ = ["LOBES", "Exemplar", "ExemplarState", "Lobe", "fit_samples"]
 
-_BREAK_EVEN = 2e5
-"""Samples from which compiled code is sooner done: 0.6 ms a pixel of 96 lights without it, 0.1 ms and 2 s with it."""
+_BREAK_EVEN = 4.5e4
+"""Samples from which compiled code is sooner done: 0.8 ms a pixel of 48 lights without it, 0.05 and 0.7 s with it."""
+
+_DEFAULT = Settings()
 
 _NOISE, _MANY = 4.0, 32.0
 """Evidence up to which Lambert's law is kept, and twice which the exemplars have it all; less by up to as much where
@@ -121,7 +123,7 @@ class Exemplar(NormalSolver[ExemplarState]):
     the idea of [1]_ with formulas in the place of measured materials, a search by steps in the place of a list of
     candidates, and a robust loss. Where a robust Lambertian fit leaves nothing but noise, its normal stands, so that
     matte surfaces lose nothing. Lobes, ties and limits were chosen on path-traced
-    scenes of many materials. With a hundred lights it takes a pixel five times as long as the solver response-bend.
+    scenes of many materials. With a hundred lights it takes a pixel three times as long as the solver response-bend.
 
     A pixel with fewer than twelve observations in light gets the answer of the solver response-bend, and with fewer
     than sixteen lights in all it refuses. Not for brushed metal, hair or cloth, whose reflectance turns with the
@@ -157,17 +159,17 @@ class Exemplar(NormalSolver[ExemplarState]):
     sees_the_eye: ClassVar[bool] = True
     least_lights: ClassVar[int] = 16
     pays_from: ClassVar[int] = 16
-    floor: float = 2e-3
-    rounds: int = 48
+    floor: float = _DEFAULT.floor
+    rounds: int = _DEFAULT.rounds
     shared: int = 2
     materials: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
-        if not (0 < self.floor < 1 and self.rounds > Settings().freeze and 0 <= self.shared <= 6):
+        if not (0 < self.floor < 1 and self.rounds > _DEFAULT.freeze and 0 <= self.shared <= 6):
             raise OptionError(
                 given=f"The exemplar solver is given the floor {self.floor}, {self.rounds} rounds and {self.shared} "
                 "shared materials.",
-                needed=f"A floor between 0 and 1, more than {Settings().freeze} rounds, and up to six materials.",
+                needed=f"A floor between 0 and 1, more than {_DEFAULT.freeze} rounds, and up to six materials.",
                 remedy="Correct them, or leave them out.",
             )
         fits = all(len(one) == len(LOBES) and all(0 <= a < np.inf for a in one) for one in self.materials)
@@ -184,13 +186,23 @@ class Exemplar(NormalSolver[ExemplarState]):
         """Pixels from which materials are told; see :attr:`NormalSolver.learns_from`."""
         return _PUPILS if self.shared and not self.materials else 0
 
-    def taught(self, rig: Rig, samples: Samples) -> tuple[NormalSolver[Any], str]:
-        """Find the object's materials; see :meth:`NormalSolver.taught`."""
+    def taught(self, rig: Rig, samples: Samples, pixels: int | None = None) -> tuple[NormalSolver[Any], str]:
+        """Find the object's materials; see :meth:`NormalSolver.taught`.
+
+        Parameters
+        ----------
+        rig : Rig
+            The lights.
+        samples : Samples
+            Observations of some of the object's pixels, from all over it.
+        pixels : int, optional
+            How many it has in all: where there are many, compiled code is loaded at once [1].
+        """
         from psstereo.normals.exemplar_shared import share_materials
 
         self.require_lights(rig)
         try:
-            solver = share_materials(rig, samples, solver=self, materials=self.shared)
+            solver = share_materials(rig, samples, solver=self, materials=self.shared, whole=pixels)
         except InputError as error:
             return self, f"Every pixel has materials of its own: {error.given}"
         return solver, f"{len(solver.materials)} materials were found and stand for the lobes in every pixel."

@@ -5,6 +5,8 @@ normals all around do not. So the exemplars are fitted at some pixels freely, th
 once, with the normals as found; and then every pixel is fitted again with these few in the place of all lobes.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from psstereo.errors import InputError, OptionError
@@ -29,7 +31,13 @@ _TIE = 1e-6
 
 
 def share_materials(
-    rig: Rig, samples: Samples, *, solver: Exemplar | None = None, materials: int = 2, pixels: int = 1500
+    rig: Rig,
+    samples: Samples,
+    *,
+    solver: Exemplar | None = None,
+    materials: int = 2,
+    pixels: int = 1500,
+    whole: int | None = None,
 ) -> Exemplar:
     """Return the exemplar solver with a few materials of the object in the place of all lobes.
 
@@ -49,6 +57,8 @@ def share_materials(
         How many, 1 to 6; two, as matte and gloss, serve most objects.
     pixels : int
         How many are looked at, 100 or more.
+    whole : int, optional
+        How many the object has in all, if not those given: where there are many, compiled code is loaded at once [1].
 
     Returns
     -------
@@ -74,7 +84,10 @@ def share_materials(
     chosen = np.unique(np.linspace(0, max(count - 1, 0), min(pixels, count)).astype(np.intp))
     weights = None if samples.weights is None else samples.weights[:, chosen]
     some = Samples(samples.values[:, chosen], weights)
-    state = free.prepare(rig, count)
+    # Who is looked at is solved once more when the materials are known.
+    state = free.prepare(rig, max(whole or 0, count + len(chosen)))
+    # Amounts of lobes that look alike creep on when the normal stands already, and it is amounts that are wanted here.
+    state = replace(state, settings=state.settings._replace(told=0.0, reach=0.0))
     _, fit, at, _ = fit_samples(free, state, some)
     good = np.zeros(0, np.intp) if fit is None else _trusted(fit)
     if fit is None or len(good) < _LEAST_FITTED:

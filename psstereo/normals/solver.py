@@ -106,7 +106,7 @@ class NormalSolver(ABC, Generic[StateT]):
         """How many pixels of an object it wants to see before it solves any; 0 if pixels have nothing in common."""
         return 0
 
-    def taught(self, rig: Rig, samples: "Samples") -> tuple["NormalSolver[Any]", str]:
+    def taught(self, rig: Rig, samples: "Samples", pixels: int | None = None) -> tuple["NormalSolver[Any]", str]:
         """Return the solver for one object, and a sentence on what was learnt of it.
 
         Parameters
@@ -115,6 +115,8 @@ class NormalSolver(ABC, Generic[StateT]):
             The lights.
         samples : Samples
             Observations of some of the object's pixels, from all over it.
+        pixels : int, optional
+            How many the object has in all: whether compiled code pays [1].
 
         Returns
         -------
@@ -123,7 +125,7 @@ class NormalSolver(ABC, Generic[StateT]):
         str
             What was learnt, or why nothing.
         """
-        del rig, samples
+        del rig, samples, pixels
         return self, "Pixels are solved one by one."
 
     def require_lights(self, rig: Rig) -> None:

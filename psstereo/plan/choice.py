@@ -6,31 +6,27 @@ from psstereo.normals import LeastSquares, Robust
 from psstereo.normals.ambient import AmbientLeastSquares
 from psstereo.normals.exemplar import Exemplar
 from psstereo.normals.response_bend import ResponseBend
-from psstereo.normals.trimmed import Trimmed
 from psstereo.plan.contestants import CONTESTANTS, lambert_holds
 from psstereo.plan.facts import Facts
 from psstereo.plan.trials import Trial
 
 __all__ = ["Choice", "choose_by_facts", "choose_whole"]
 
-_AS_GOOD = 1.05
-"""Ratio of doubts up to which the quicker solver is taken."""
+_AS_GOOD = 1 / 3
+"""Angle to the normals of the richest solver, over that one's doubt, up to which a quicker solver is taken: with an
+error of that size beside it, and in no direction of its own, the mean error grows by a twentieth [1]."""
+_ALIKE = 0.6
+"""The same up to which doubts are compared as they are: little is lost with either, and of two that are so alike the
+steadier one has more often the very law of the surface [1]."""
 _NOTHING = 0.001
-"""Difference of doubts that never matters [deg]."""
+"""Difference of doubts, or of normals, that never matters [deg]."""
 _FOLLOWS = 1.4
 """Factor on the doubt of solvers that follow every observation, where Lambert's law is broken: what pulls them is
 smooth, so that their normals move little whatever lights are taken away."""
-_CUTS = 1.2
-"""The same for the one that cuts brightness off at fixed ranks, which follows half of them."""
-_RICH = 0.8
-"""The same for the solver whose reflectance is as rich as that by which solvers are compared: of two that seem as good
-it is the nearer one more often."""
-_FACTORS = {
-    LeastSquares.name: _FOLLOWS,
-    AmbientLeastSquares.name: _FOLLOWS,
-    Trimmed.name: _CUTS,
-    Exemplar.name: _RICH,
-}
+_RICH = 0.5
+"""The same for the solver whose reflectance is as rich as that by which solvers are compared: where Lambert's law is
+broken it is the nearest to the truth nearly always, so that another one must seem twice as good."""
+_FACTORS = {LeastSquares.name: _FOLLOWS, AmbientLeastSquares.name: _FOLLOWS, Exemplar.name: _RICH}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +49,7 @@ class Choice:
 
 
 def choose_by_facts(facts: Facts) -> Choice:
-    """Choose the quickest solver that does as well as the best of those tried.
+    """Choose the best of the solvers tried, or a quicker one with nearly the same normals.
 
     Parameters
     ----------
@@ -74,14 +70,39 @@ def choose_by_facts(facts: Facts) -> Choice:
             return Choice(solver=LeastSquares.name, reason=reason, figure=f"broken at {facts.misfit:.1%} of the pixels")
         many = f"Nothing was tried; {facts.images} lights are enough to leave highlights and shadows out."
         return Choice(solver=Robust.name, reason=many, figure=f"{facts.images} lights")
-    doubts = {one.solver: one.doubt_deg * _FACTORS.get(one.solver, 1.0) for one in facts.trials}
-    best = min(facts.trials, key=lambda one: doubts[one.solver])
-    limit = max(_AS_GOOD * doubts[best.solver], doubts[best.solver] + _NOTHING)
-    taken = next(one for one in _by_cost(facts) if doubts[one.solver] <= limit)
-    reason = f"Of {len(facts.trials)} solvers tried, {taken.solver} is the steadiest and explains most"
-    reason += "." if taken is best else ", or so nearly that the quicker one is as good."
-    others = ", ".join(f"{one.solver} {one.doubt_deg:.2g}°" for one in _by_cost(facts) if one is not taken)
+    if [one.solver for one in facts.trials] == [AmbientLeastSquares.name]:
+        level = "" if facts.ambient is None else f"level {facts.ambient:.2%} of the albedo"
+        reason = "With a level of its own at each pixel, residuals of Lambert's law are noise; no solver does better."
+        return Choice(solver=AmbientLeastSquares.name, reason=reason, figure=level)
+    return _best(facts)
+
+
+def _best(facts: Facts) -> Choice:
+    """Choose among several trials."""
+    trials = _by_cost(facts)
+    doubts = {one.solver: one.doubt_deg * _FACTORS.get(one.solver, 1.0) for one in trials}
+    least = min(doubts.values())
+    best = next(one for one in trials if doubts[one.solver] <= least + _NOTHING)
+    taken = next((one for one in trials if _beside(one, best, _AS_GOOD)), best)
+    if taken is best and best.solver == Exemplar.name:
+        plain = doubts | {best.solver: best.doubt_deg}
+        taken = best = min((one for one in trials if _beside(one, best, _ALIKE)), key=lambda one: plain[one.solver])
+    if best.doubt_deg <= min(one.doubt_deg for one in trials) + _NOTHING:
+        reason = f"Of {len(trials)} solvers tried, {best.solver} is the steadiest and explains most"
+    else:
+        reason = f"Of {len(trials)} solvers tried, none outdoes {best.solver} by as much as it would have to"
+    reason += "." if taken is best else f", and the normals of {taken.solver}, which is quicker, are nearly the same."
+    others = ", ".join(f"{one.solver} {one.doubt_deg:.2g}°" for one in trials if one is not taken)
     return Choice(solver=taken.solver, reason=reason, figure=f"{taken.doubt_deg:.2g}° ({others})")
+
+
+def _beside(one: Trial, best: Trial, share: float) -> bool:
+    """Return whether a solver's normals are within a share of the best one's doubt of its normals, as far as known."""
+    if one is best:
+        return True
+    if best.beside_deg is not None or one.beside_deg is None:  # only angles to the richest one are told
+        return False
+    return one.beside_deg <= max(share * best.doubt_deg, _NOTHING)
 
 
 def choose_whole(facts: Facts) -> Choice:

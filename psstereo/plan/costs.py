@@ -25,6 +25,8 @@ class Cost:
         Samples from which the compiled twin is used; infinite if there is none [1].
     start : float
         Time to load what the readable reference needs [s].
+    learning : float
+        Time a sample that it learns from before it solves, by the compiled twin; 0 if it learns nothing [s].
     """
 
     readable: float
@@ -32,6 +34,7 @@ class Cost:
     load: float = 0.0
     break_even: float = float("inf")
     start: float = 0.0
+    learning: float = 0.0
 
 
 COSTS: dict[str, Cost] = {
@@ -44,7 +47,7 @@ COSTS: dict[str, Cost] = {
     "sparse-bayesian": Cost(readable=900e-9, compiled=190e-9, load=0.7, break_even=5e5, start=0.2),
     "response-bend": Cost(readable=2400e-9, compiled=250e-9, load=0.9, break_even=9e5, start=0.2),
     "bi-polynomial": Cost(readable=3600e-9, compiled=450e-9, load=0.9, break_even=1e5, start=0.2),
-    "exemplar": Cost(readable=7000e-9, compiled=1800e-9, load=1.8, break_even=2e5, start=0.2),
+    "exemplar": Cost(readable=7000e-9, compiled=600e-9, load=0.8, break_even=4.5e4, start=0.2, learning=3300e-9),
     "bivariate": Cost(readable=6000e-9, compiled=1600e-9, load=1.0, break_even=2e5, start=0.2),
 }
 """By the solver's name."""

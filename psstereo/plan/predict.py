@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from psstereo.depth import Integrator
-from psstereo.normals import LeastSquares
+from psstereo.normals import NORMAL_SOLVERS, LeastSquares
 from psstereo.plan.costs import COSTS, DEPTH, MESH, Cost
 from psstereo.plan.facts import Facts
 from psstereo.plan.options import Options
@@ -95,7 +95,7 @@ def predict(plan: "Plan", options: Options, speed: Speed | None = None) -> Predi
     return Prediction(
         read=((facts.decode_seconds or 0.0) * facts.images + _CONVERSION * fast.solving * values) * share,
         survey=fast.solving * (_START + _SURVEY * facts.surveyed * facts.images + _trials(facts)),
-        solve=_solving(facts, solver, share, fast),
+        solve=_solving(facts, solver, _pupils(facts, options, solver), share, fast),
         depth=_depth(plan, options, solver, fast) if plan["depth"].use else 0.0,
         mesh=mesh,
         memory=_memory(facts, plan, solver),
@@ -103,8 +103,22 @@ def predict(plan: "Plan", options: Options, speed: Speed | None = None) -> Predi
 
 
 def _trials(facts: Facts) -> float:
-    each = [2 * facts.images * COSTS[one.solver].readable + _JUDGED for one in facts.trials]
-    return sum(one.pixels * cost for one, cost in zip(facts.trials, each, strict=True)) + _TRYING * bool(each)
+    """Return the time of all trials, with what is loaded for them."""
+    if not facts.trials:
+        return 0.0
+    found = _TRYING + max(_loaded(facts).values(), default=0.0)
+    for one in facts.trials:
+        cost = COSTS[one.solver]
+        fast = _compiled(facts, one.solver)
+        each = cost.compiled if fast else cost.readable
+        taught = (cost.learning if fast else cost.readable) if cost.learning else 0.0
+        found += one.pixels * (facts.images * (2 * each + taught) + _JUDGED)
+    return found
+
+
+def _loaded(facts: Facts) -> dict[str, float]:
+    """Return the solvers whose compiled code is loaded for their trials, and what that takes [s]."""
+    return {one.solver: COSTS[one.solver].load for one in facts.trials if _compiled(facts, one.solver)}
 
 
 def _solver(plan: "Plan") -> str:
@@ -137,13 +151,24 @@ def _of(cost: Cost, work: float, speed: float) -> float:
     return speed * ((cost.compiled if compiled else cost.readable) * work + (cost.load if compiled else cost.start))
 
 
-def _solving(facts: Facts, solver: str, share: float, speed: Speed) -> float:
+def _pupils(facts: Facts, options: Options, solver: str) -> int:
+    """Return the number of pixels that the solver learns from before it solves."""
+    method = options.solver if options.solver is not None else NORMAL_SOLVERS[solver]()
+    return min(method.learns_from, facts.pixels)
+
+
+def _solving(facts: Facts, solver: str, pupils: int, share: float, speed: Speed) -> float:
     cost = COSTS.get(solver, COSTS["robust"])
-    work = float(facts.pixels * facts.images * (facts.channels if facts.kept_apart else 1))
+    values = facts.images * (facts.channels if facts.kept_apart else 1)
     compiled = _compiled(facts, solver)
     each = cost.compiled if compiled else cost.readable
-    assembly = _ASSEMBLY * facts.pixels
-    return speed.solving * ((each * work + assembly) * share + (cost.load if compiled else cost.start))
+    start = cost.load if compiled else cost.start
+    learning = cost.learning if compiled else cost.readable
+    return speed.solving * (
+        (each * values + _ASSEMBLY) * facts.pixels * share
+        + learning * values * pupils
+        + (0.0 if solver in _loaded(facts) else start)
+    )
 
 
 def _memory(facts: Facts, plan: "Plan", solver: str) -> float:

@@ -16,7 +16,7 @@ from psstereo.normals.light_choice import ChosenLights, choose_lights
 from psstereo.normals.strength_choice import ChosenStrengths, choose_strengths
 from psstereo.normals.views import views_of
 from psstereo.plan.facts import Facts
-from psstereo.plan.near_run import refuse_for_near, run_near
+from psstereo.plan.near_run import refuse_for_near, run_near, takes_near
 from psstereo.plan.options import Options, Reconstruction
 from psstereo.plan.plan import Plan, make_plan
 from psstereo.plan.stages.catalogue import STAGES
@@ -140,7 +140,7 @@ def run_plan(
         If the plan does not fit the capture, or the capture cannot be used.
     """
     capture, settled = follow(plan, capture, options)
-    lit = _light(capture, settled, over, progress)
+    lit = _light(capture, settled, over, progress, near=plan["near lamps"].use)
     if lit.strengths is None:
         return run_near(plan, lit.capture, settled, light_steps=lit.lights.steps, over=over, progress=progress)
     assert settled.solver is not None
@@ -190,14 +190,11 @@ def follow(plan: Plan, capture: Capture, options: Options) -> tuple[Capture, Opt
     return capture, replace(settled, gate=gate)
 
 
-def _light(capture: Capture, options: Options, over: Map, progress: Progress) -> _Lit:
-    """Return the capture under the lights that are wanted; without strengths if they are near."""
-    from psstereo.near import wants_near
-
+def _light(capture: Capture, options: Options, over: Map, progress: Progress, *, near: bool | None = None) -> _Lit:
+    """Return the capture under the lights that are wanted; without strengths if they are near, as a plan may say."""
     how: dict[str, Any] = {"gray": options.gray, "valid_range": options.valid_range, "over": over}
     lights = choose_lights(capture, options.lights, progress=progress, **how)
-    near = wants_near(lights.capture)
-    if near and options.solver is None:
+    if takes_near(lights.capture, options) if near is None else near:
         refuse_for_near(options)
         return _Lit(capture=lights.capture, lights=lights)
     if options.distance is not None:

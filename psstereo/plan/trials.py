@@ -8,8 +8,9 @@ each pixel's normal is compared with that of the solver whose normal explains th
 (:mod:`psstereo.plan.explanation`). The product of the two angles tells solvers apart: each by itself is deceived, the
 first by a solver that is wrong but steady, the second by one whose mistakes a highlight could explain.
 
-The readable reference of each solver is used, since loading compiled code costs more than these few pixels, and both
-solutions in one go.
+Each solver uses the loop that the whole run would use, the readable reference or its compiled twin, so that what is
+loaded here is loaded once; both solutions come in one go. A solver that learns from the object before it solves learns
+from these pixels, all lights on: without that its trial would be the trial of another solver.
 """
 
 import time
@@ -30,9 +31,10 @@ __all__ = ["Attempt", "Trial", "attempt", "fold_count", "folds", "judged"]
 
 _MANY, _FEW = 48, 24
 """Lights from which a third of them may be taken away, and up to which an eighth is enough."""
-_UNSETTLED = 0.025
-"""Share of pixels at which a solver may stop before it has converged and still be a choice: half of that from which a
-whole run counts as not converged, since a sample of a hundred pixels tells it no better."""
+_UNSETTLED = 0.08
+"""Share of pixels at which a solver may stop before it has converged and still be a choice: that of a twentieth, from
+which a whole run counts as not converged, and half as much again, since a hundred pixels tell it no better and a solver
+that learns from so few settles more slowly than the run will."""
 _LOST = np.radians(20.0)
 """What counts for a pixel that cannot be solved, or not without some of the lights [rad]."""
 _FURTHEST = np.radians(30.0)
@@ -56,11 +58,14 @@ class Trial:
     pixels : int
         Pixels that were tried.
     seconds : float
-        Time of both solutions, by the readable reference [s].
+        Time of both solutions, with what was loaded for them [s].
     error_deg : float
         Standard error of `change_deg`: so few pixels tell it no better [deg].
     apart_deg : float
         Mean angle between its normals and those that explain the pixels best [deg].
+    beside_deg : float or None
+        Mean angle between its normals and those of the last solver that was tried, the richest one; None if it is that
+        one [deg].
     """
 
     solver: str
@@ -69,6 +74,7 @@ class Trial:
     seconds: float
     error_deg: float = 0.0
     apart_deg: float = 0.0
+    beside_deg: float | None = None
 
     @property
     def doubt_deg(self) -> float:
@@ -127,7 +133,7 @@ def folds(rig: Rig) -> list[IntArray]:
     return [np.flatnonzero(around * parts // count != part) for part in range(parts)]
 
 
-def attempt(solver: NormalSolver[Any], rig: Rig, values: FloatArray) -> Attempt | None:
+def attempt(solver: NormalSolver[Any], rig: Rig, values: FloatArray, whole: int | None = None) -> Attempt | None:
     """Solve a few pixels with all lights, and each without one of the sectors.
 
     Parameters
@@ -138,15 +144,15 @@ def attempt(solver: NormalSolver[Any], rig: Rig, values: FloatArray) -> Attempt 
         Distant lights.
     values : float64 array (m, n)
         Samples, NaN where not usable.
+    whole : int, optional
+        Pixels of the run that this is a trial for, which says whether its loops are compiled; few if absent [1].
 
     Returns
     -------
     Attempt or None
-        What it found; None if it refuses these lights, or fewer of them, or does not settle at too many of the pixels.
+        What it found; None if it refuses these lights, or does not settle at too many of the pixels.
     """
     stay, pixels = folds(rig), values.shape[1]
-    if min(len(one) for one in stay) < solver.least_lights:
-        return None
     few = np.full(values.shape, np.nan)
     for part, lights in enumerate(stay):
         few[lights, part :: len(stay)] = values[lights, part :: len(stay)]
@@ -154,7 +160,9 @@ def attempt(solver: NormalSolver[Any], rig: Rig, values: FloatArray) -> Attempt 
         for lights in stay:
             rig.select(lights).require_spanning()
         started = time.perf_counter()
-        found = solver.solve(solver.prepare(rig), Samples(np.concatenate([values, few], axis=1)))
+        if solver.learns_from:
+            solver, _ = solver.taught(rig, Samples(values), whole)
+        found = solver.solve(solver.prepare(rig, whole), Samples(np.concatenate([values, few], axis=1)))
         seconds = time.perf_counter() - started
     except PsstereoError:  # it does not serve such lights, or not without some of them
         return None
@@ -199,8 +207,7 @@ def judged(
     best = best_explained(units, rig.directions, values)
     trials = []
     for one, normals in zip(attempts, units, strict=True):
-        angle = angular_error(normals, best)
-        apart = np.where(np.isfinite(angle), np.minimum(angle, _FURTHEST), _LOST)
+        apart, beside = _between(normals, best), _between(normals, units[-1])
         trials.append(
             Trial(
                 solver=one.solver,
@@ -209,9 +216,17 @@ def judged(
                 seconds=one.seconds,
                 error_deg=float(np.degrees(np.std(one.moved * stands) / np.sqrt(len(one.moved)))),
                 apart_deg=_mean(apart * stands),
+                # Rare pixels, such as those in cast shadows, may be all that two solvers differ by.
+                beside_deg=None if one is attempts[-1] else float(np.degrees(np.mean(beside * stands))),
             )
         )
     return tuple(trials)
+
+
+def _between(normals: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the angles between normals, no more than counts, and what counts where one is missing [rad]."""
+    angle = angular_error(normals, others)
+    return np.where(np.isfinite(angle), np.minimum(angle, _FURTHEST), _LOST)
 
 
 def _mean(angles: FloatArray) -> float:

@@ -96,8 +96,23 @@ def folder(_pristine: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(_pristine, tmp_path / "capture"))
 
 
+@pytest.fixture(scope="session")
+def _reconstructed() -> list[Path]:
+    """Keep the default result of the capture, once somebody has asked for it."""
+    return []
+
+
 @pytest.fixture
-def plain(run: Callable[..., Run], folder: Path, tmp_path: Path) -> Path:
-    """Return the default result of the capture."""
-    assert run("reconstruct", folder, "-o", tmp_path / "plain").code == 0
-    return tmp_path / "plain"
+def plain(
+    run: Callable[..., Run],
+    _pristine: Path,
+    _reconstructed: list[Path],
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Return a copy of the default result of the capture, which the test may spoil."""
+    if not _reconstructed:
+        out = tmp_path_factory.mktemp("reconstructed") / "plain"
+        assert run("reconstruct", _pristine, "-o", out).code == 0
+        _reconstructed.append(out)
+    return Path(shutil.copytree(_reconstructed[0], tmp_path / "plain"))

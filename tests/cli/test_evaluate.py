@@ -13,10 +13,9 @@ from psstereo.metrics import height_error, summarise_angles
 
 
 @pytest.fixture
-def result(run, folder, tmp_path):
+def result(plain, tmp_path):
     """Return the default result of the capture."""
-    assert run("reconstruct", folder, "-o", tmp_path / "result").code == 0
-    return tmp_path / "result"
+    return plain.rename(tmp_path / "result")
 
 
 @pytest.fixture

@@ -1,6 +1,4 @@
-"""``psstereo integrate``: normal maps of any origin to depth, and ``--prior`` there and in ``reconstruct``."""
-
-from dataclasses import replace
+"""``psstereo integrate``: normal maps of any origin to depth, with or without a prior."""
 
 import cv2
 import numpy as np
@@ -9,13 +7,11 @@ import pytest
 from psstereo.camera import Pinhole
 from psstereo.depth import INTEGRATORS
 from psstereo.flags import Flag
-from psstereo.io import read_capture, read_elevation, write_capture, write_normal_map
+from psstereo.io import read_elevation, write_normal_map
 from psstereo.io.mat_file import write_mat
 from psstereo.io.result_folder import read_result
-from psstereo.stack import MemoryStack
 from psstereo_synth import hills
 from tests.cli.capture_files import DEPTH, assert_one_message, everything, record_of, results, save_png
-from tests.unit.near.near_scenes import pinhole_sphere, ring, shoot
 
 FILES = DEPTH | {"normals.npy", "normals.png", "flags.npy", "elevation.tif", "run.json", "report.html"}
 SURFACE = hills(48, 40, steepness=1.0)
@@ -241,6 +237,42 @@ def test_a_run_that_did_not_converge_ends_with_4_and_keeps_its_result(run, given
     assert {p.name for p in (given / "out").iterdir()} == FILES
 
 
+def test_relief_and_curvature_are_written_when_asked_for(run, given):
+    out = given / "derived"
+    words = ("--mask", given / "mask.png", "--pixel-size", 0.5, "--relief", "0,4", "--curvature", 1)
+    done = run("integrate", given / "n é.png", "-o", out, *words)
+    assert done.code == 0
+    assert {p.name for p in out.iterdir()} == FILES | {"relief.tif", "relief.png", "curvature.npz", "curvature.png"}
+    relief, elevation = read_elevation(out / "relief.tif"), read_elevation(out / "elevation.tif")
+    assert (relief.unit, relief.pixel_size) == ("mm", 0.5)
+    np.testing.assert_array_equal(elevation.depth, np.load(out / "depth.npy"))
+    assert np.nanstd(relief.depth) < 0.5 * np.nanstd(elevation.depth)  # the coarse shape is gone
+    with np.load(out / "curvature.npz", allow_pickle=False) as bent:
+        assert str(bent["unit"]) == "1/mm"
+        assert np.isfinite(bent["mean"]).sum() > 0.9 * SURFACE.mask.sum()
+        assert (bent["largest"] >= bent["smallest"])[np.isfinite(bent["mean"])].all()
+
+
+def test_a_map_beyond_the_bound_of_memory_is_integrated_in_tiles(run, tmp_path):
+    surface = hills(700, 500, steepness=1.0)
+    np.save(tmp_path / "n.npy", np.where(surface.mask[..., None], surface.normals, np.nan))
+    done = run("integrate", tmp_path / "n.npy", "-o", tmp_path / "out", "--max-memory", "25MB", "--json")
+    assert done.code == 0
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"depth.npy", "components.npy", "run.json"}
+    error = (depth_of(tmp_path / "out") - surface.height)[surface.mask]
+    assert np.std(error) < 0.02
+    assert "tiles" in done.record["steps"][0]["reason"]
+    for words, told in (
+        (("--integrator", "l1"), ("l1", "Poisson")),
+        (("--convention", "directx"), ("directx",)),
+        (("--mask", tmp_path / "m.png"), ("--mask",)),
+    ):
+        assert_one_message(
+            run("integrate", tmp_path / "n.npy", "-o", tmp_path / "x", "--max-memory", "25MB", *words), told
+        )
+    assert_one_message(run("integrate", tmp_path / "n.png", "-o", tmp_path / "x", "--max-memory", "1MB"), (".npy",))
+
+
 # --- what cannot be used ----------------------------------------------------------------------------------------------
 
 
@@ -342,102 +374,3 @@ def test_a_disk_that_is_full_leaves_nothing(run, given, monkeypatch):
     before = everything(given)
     assert_one_message(run("integrate", given / "n é.png", "-o", given / "out"), ("No space left on device",))
     assert everything(given) == before
-
-
-# --- the same prior in reconstruct ------------------------------------------------------------------------------------
-
-
-def test_reconstruct_fuses_a_prior(run, folder, plain, tmp_path):
-    _, truth = read_capture(folder)
-    heights = truth.depth + 40.0
-    np.save(tmp_path / "prior.npy", heights)
-    words = ("--prior", tmp_path / "prior.npy", "--prior-sigma", 0.1, "--json")
-    done = run("reconstruct", folder, "-o", tmp_path / "out", *words)
-    assert done.code == 0
-    off = [np.abs(depth_of(out) - heights) for out in (tmp_path / "out", plain)]
-    assert np.nanmax(off[0]) < 1
-    assert np.nanmedian(off[1]) > 30
-    step = next(step for step in done.record["steps"] if step["name"] == "prior")
-    assert "known to 0.1 px" in step["reason"]
-    assert any(note.startswith("prior.npy: ") for note in done.record["capture"]["notes"])
-    (tmp_path / "points.txt").write_text("20 24 7.5\n")
-    assert run("reconstruct", folder, "-o", tmp_path / "one", "--prior", tmp_path / "points.txt").code == 0
-    moved = depth_of(tmp_path / "one") - depth_of(plain)
-    assert depth_of(tmp_path / "one")[20, 24] == pytest.approx(7.5, abs=1e-5)
-    assert np.nanmax(np.abs(moved - np.nanmean(moved))) < 1e-4  # one point moves the whole and bends nothing
-
-
-def test_reconstruct_flags_what_a_prior_does_not_touch(run, folder, tmp_path):
-    mask = cv2.imdecode(np.fromfile(folder / "mask.png", np.uint8), cv2.IMREAD_GRAYSCALE)
-    mask[:, 22:25] = 0
-    save_png(folder / "mask.png", mask)
-    (tmp_path / "points.csv").write_text("row;col;depth\n20;15;100,5\n")
-    done = run("reconstruct", folder, "-o", tmp_path / "out", "--prior", tmp_path / "points.csv", "--json")
-    assert done.code == 0
-    flags, right = np.load(tmp_path / "out" / "flags.npy"), np.arange(48) >= 25
-    lost = (flags & Flag.NO_DEPTH) > 0
-    assert np.array_equal(lost, (mask > 0) & right)
-    assert np.array_equal(np.isnan(depth_of(tmp_path / "out")), lost | (mask == 0))
-    assert done.record["normals"]["flags"]["NO_DEPTH"] == lost.sum()
-
-
-def test_reconstruct_refuses_a_prior_that_it_cannot_use(run, folder, tmp_path):
-    np.save(tmp_path / "small.npy", np.ones((3, 3)))
-    np.save(tmp_path / "fine.npy", np.ones((40, 48)))
-    before = everything(tmp_path)
-    for words, told in (
-        (("--prior", tmp_path / "small.npy"), ("3 × 3", "48 × 40")),
-        (("--prior", tmp_path / "fine.npy", "--normals-only"), ("only normals",)),
-        (("--prior", tmp_path / "fine.npy", "--integrator", "frankot-chellappa"), ("frankot-chellappa", "poisson")),
-        (("--prior", tmp_path / "fine.npy", "--prior-unit", "mm"), ("px",)),
-        (("--prior-sigma", "1"), ("--prior",)),
-    ):
-        assert_one_message(run("reconstruct", folder, "-o", tmp_path / "out", *words), told)
-    assert everything(tmp_path) == before
-
-
-def test_reconstruct_refuses_a_prior_under_near_lamps(run, tmp_path):
-    camera, depth, normals, mask = pinhole_sphere(24)
-    capture = shoot(camera, depth, normals, mask, ring())
-    images = np.round(np.repeat(capture.stack.read(), 3, axis=-1) * 60000).astype(np.uint16)
-    write_capture(replace(capture, stack=MemoryStack(images)), tmp_path / "in", "near-ps")
-    np.save(tmp_path / "prior.npy", depth)
-    done = run("reconstruct", tmp_path / "in", "-o", tmp_path / "out", "--prior", tmp_path / "prior.npy")
-    assert_one_message(done, ("lamps are near", "a prior depth"))
-    assert not (tmp_path / "out").exists()
-
-
-def test_relief_and_curvature_are_written_when_asked_for(run, given):
-    out = given / "derived"
-    words = ("--mask", given / "mask.png", "--pixel-size", 0.5, "--relief", "0,4", "--curvature", 1)
-    done = run("integrate", given / "n é.png", "-o", out, *words)
-    assert done.code == 0
-    assert {p.name for p in out.iterdir()} == FILES | {"relief.tif", "relief.png", "curvature.npz", "curvature.png"}
-    relief, elevation = read_elevation(out / "relief.tif"), read_elevation(out / "elevation.tif")
-    assert (relief.unit, relief.pixel_size) == ("mm", 0.5)
-    np.testing.assert_array_equal(elevation.depth, np.load(out / "depth.npy"))
-    assert np.nanstd(relief.depth) < 0.5 * np.nanstd(elevation.depth)  # the coarse shape is gone
-    with np.load(out / "curvature.npz", allow_pickle=False) as bent:
-        assert str(bent["unit"]) == "1/mm"
-        assert np.isfinite(bent["mean"]).sum() > 0.9 * SURFACE.mask.sum()
-        assert (bent["largest"] >= bent["smallest"])[np.isfinite(bent["mean"])].all()
-
-
-def test_a_map_beyond_the_bound_of_memory_is_integrated_in_tiles(run, tmp_path):
-    surface = hills(700, 500, steepness=1.0)
-    np.save(tmp_path / "n.npy", np.where(surface.mask[..., None], surface.normals, np.nan))
-    done = run("integrate", tmp_path / "n.npy", "-o", tmp_path / "out", "--max-memory", "25MB", "--json")
-    assert done.code == 0
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"depth.npy", "components.npy", "run.json"}
-    error = (depth_of(tmp_path / "out") - surface.height)[surface.mask]
-    assert np.std(error) < 0.02
-    assert "tiles" in done.record["steps"][0]["reason"]
-    for words, told in (
-        (("--integrator", "l1"), ("l1", "Poisson")),
-        (("--convention", "directx"), ("directx",)),
-        (("--mask", tmp_path / "m.png"), ("--mask",)),
-    ):
-        assert_one_message(
-            run("integrate", tmp_path / "n.npy", "-o", tmp_path / "x", "--max-memory", "25MB", *words), told
-        )
-    assert_one_message(run("integrate", tmp_path / "n.png", "-o", tmp_path / "x", "--max-memory", "1MB"), (".npy",))

@@ -21,6 +21,8 @@ RIGS = {
 }
 MANY = 48
 """Lights for a method that refuses the few which others get."""
+SIZE = 26
+"""Rows and columns of images, if a test does not ask for more."""
 
 
 def angle(a, b):
@@ -73,7 +75,7 @@ def flexible(method):
     return method.least_lights > 3
 
 
-def trial(method, count, size=32, *, many=MANY, **how):
+def trial(method, count, size=SIZE, *, many=MANY, **how):
     """A capture of hills for what holds whatever the surface is like; not matte for methods that look for that.
 
     Those get many lights too, so that what they do beyond Lambert's law has a part in the answer.
@@ -89,7 +91,7 @@ def trial(method, count, size=32, *, many=MANY, **how):
     return with_images(capture, np.rint(bent).astype(np.uint16) if white > 1 else bent)
 
 
-def hilly(directions, size=32, *, steepness=1.0, bits=None, noise=0.0, tint=False):
+def hilly(directions, size=SIZE, *, steepness=1.0, bits=None, noise=0.0, tint=False):
     surface = hills(size, size, steepness=steepness)
     albedo = checker((size, size), tint=tint)
     return lambertian_capture(surface, albedo, directions, bits=bits, noise=noise)

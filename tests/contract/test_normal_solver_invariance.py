@@ -16,6 +16,7 @@ from psstereo.stack import MemoryStack
 from psstereo_synth import spiral
 from tests.contract.normal_trials import (
     EXACT,
+    SIZE,
     angle,
     arrange,
     assert_explained,
@@ -155,7 +156,7 @@ def test_solver_and_state_pickle(method):
 def test_a_weight_of_zero_leaves_an_observation_out(method):
     directions = arrange(method, spiral, 12, max_tilt=0.5)
     capture, truth = hilly(directions, steepness=0.6)
-    images, weights = frames(capture).copy(), np.full((len(directions), 32, 32), 2.0)
+    images, weights = frames(capture).copy(), np.full((len(directions), SIZE, SIZE), 2.0)
     bad = np.random.default_rng(5).random(weights.shape) < 0.3
     images[bad] = 7.0
     weights[bad] = 0.0
@@ -171,7 +172,7 @@ def test_a_weight_of_zero_leaves_an_observation_out(method):
 
 def test_equal_weights_are_no_weights(method):
     capture, plain = settled(method)
-    weighted = estimate_normals(capture, method(), weights=np.full((len(capture.rig), 32, 32), 0.125))
+    weighted = estimate_normals(capture, method(), weights=np.full((len(capture.rig), SIZE, SIZE), 0.125))
     np.testing.assert_allclose(weighted.normals, plain.normals, rtol=0, atol=1e-11)
     np.testing.assert_array_equal(weighted.flags, plain.flags)
 

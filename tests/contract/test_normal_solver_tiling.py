@@ -17,7 +17,7 @@ from tests.contract.normal_trials import (
     trial,
 )
 
-SHORT_BLOCK = 300
+SHORT_BLOCK = 260
 """Pixels of a block in the tests of tiling; the readable loops go on in parts of 256."""
 
 
@@ -73,7 +73,7 @@ def assert_tiling_changes_no_byte(method, capture, gray):
 @pytest.mark.parametrize(("gray", "bits", "compiled"), [("mean", None, False), ("per-channel", 16, True)])
 def test_any_tiling_and_any_number_of_threads_gives_the_same_bytes(method, gray, bits, compiled, monkeypatch):
     smaller_blocks(monkeypatch, method, compiled=compiled)
-    capture = trial(method, 12, 48, many=16, max_tilt=1.2, noise=0.01, steepness=2.0, bits=bits, tint=gray != "mean")
+    capture = trial(method, 12, 42, many=16, max_tilt=1.2, noise=0.01, steepness=2.0, bits=bits, tint=gray != "mean")
     assert_tiling_changes_no_byte(method, capture, gray)
 
 
@@ -81,5 +81,5 @@ def test_any_tiling_and_any_number_of_threads_gives_the_same_bytes(method, gray,
 def test_tiling_changes_no_byte_with_the_other_kinds_of_samples(gray, bits, monkeypatch):
     """How samples wait between reads does not depend on the method; the one of all that is soonest done will do."""
     smaller_blocks(monkeypatch, LeastSquares, compiled=False)
-    capture, _ = hilly(spiral(12, max_tilt=1.2), 48, noise=0.01, steepness=2.0, bits=bits, tint=gray != "mean")
+    capture, _ = hilly(spiral(12, max_tilt=1.2), 42, noise=0.01, steepness=2.0, bits=bits, tint=gray != "mean")
     assert_tiling_changes_no_byte(LeastSquares, capture, gray)

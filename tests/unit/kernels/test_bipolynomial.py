@@ -89,7 +89,9 @@ def test_the_spread_is_that_of_repeated_trials():
     values = shown(normal, coefficients) + 0.003 * rng.normal(size=(1500, 60))
     start = np.repeat(normal, 1500, axis=0)
     free = settings(share=1.0, ridge=1e-8, noise_ridge=0.0, dark=0.01)
-    found = bipolynomial_compiled.fit_pixels(values, NONE, start, STATE.geometry, STATE.powers[:, :2], free)
+    found = bipolynomial_compiled.fit_pixels(
+        values, NONE, start, STATE.geometry, np.ascontiguousarray(STATE.powers[:, :2]), free
+    )
     good = found.outcome == SETTLED
     assert good.mean() > 0.9
     along = found.normal[good] @ tangents(normal)[0].T

@@ -30,8 +30,9 @@ STATE = Exemplar().prepare(Rig.distant(DIRECTIONS))
 NONE = np.zeros((0, 0))
 EYE = np.array([0.0, 0.0, 1.0])
 TWINS = (exemplar.fit_pixels, exemplar_compiled.fit_pixels)
-ALL = np.array([LAMBERT, GLAZE, POWER, ROUGH, GGX, GGX, CONSTANT, FACETED])
-SHAPES = np.array([0.0, 0.0, 1.7, 0.8, 0.15, 0.5, 0.0, 0.45 * 0.25 / (0.25 + 0.09) / (1 - 0.125 / (0.25 + 0.33))])
+ALL = np.array([LAMBERT, GLAZE, POWER, ROUGH, GGX, GGX, CONSTANT, FACETED, POWER])
+RATIO = 0.45 * 0.25 / (0.25 + 0.09) / (1 - 0.125 / (0.25 + 0.33))
+SHAPES = np.array([0.0, 0.0, 1.7, 0.8, 0.15, 0.5, 0.0, RATIO, 3.0])
 
 
 def tilted(count, seed, most=60.0):
@@ -66,6 +67,16 @@ def pixels(count=90, seed=0):
     values[rng.random(values.shape) < 0.05] = np.nan
     start = normals + 0.05 * rng.normal(size=(count, 3))
     return values, start * np.nanquantile(values, 0.9, axis=1)[:, None], normals
+
+
+def assert_same(plain, fast, part=slice(None)):
+    np.testing.assert_array_equal(plain.outcome, fast.outcome)
+    assert (plain.outcome[part] == SETTLED).mean() > 0.95
+    np.testing.assert_allclose(plain.normal, fast.normal, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(plain.spread, fast.spread, rtol=1e-4, atol=1e-12)
+    np.testing.assert_allclose(plain.scale, fast.scale, rtol=1e-6)
+    np.testing.assert_allclose(plain.evidence, fast.evidence, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(plain.share, fast.share, rtol=0, atol=1e-6)
 
 
 def test_lobes_are_those_of_the_forward_model():
@@ -107,8 +118,7 @@ def test_compiled_lobes_and_slopes_are_the_same():
     plain, by = lobes(normals, table, ALL, SHAPES), slopes(normals, table, ALL, SHAPES, np.tile(amounts, (5, 1)))
     cosine, half, out, turned = np.zeros(60), np.zeros(60), np.zeros((len(ALL), 60)), np.zeros((3, 60))
     for j, n in enumerate(normals):
-        exemplar_steps_compiled.lobes(n, table, ALL, SHAPES, cosine, half, out)
-        exemplar_steps_compiled.slopes(n, table, ALL, SHAPES, amounts, cosine, half, turned)
+        exemplar_steps_compiled.fill_lobes(n, table, ALL, SHAPES, NONE, amounts, cosine, half, out, turned)
         np.testing.assert_allclose(out, plain[j], rtol=1e-11, atol=1e-14)
         np.testing.assert_allclose(turned, by[j], rtol=1e-10, atol=1e-12)
 
@@ -134,14 +144,44 @@ def test_the_twins_agree(kind):
         mix = np.array([PLASTIC, amounts_of(lambert=0.5, rough=0.2), amounts_of(surroundings=1.0)])
         given = Dictionary(given.kinds, given.shapes, mix, np.array([0.0, 0.0, 0.01]), np.array([0.0, 1.0, 0.0]))
     plain, fast = (f(values, weights, start, STATE.table, given, STATE.settings) for f in TWINS)
-    np.testing.assert_array_equal(plain.outcome, fast.outcome)
     assert (plain.outcome[:4] == SHORT).all()
-    assert (plain.outcome[4:] == SETTLED).mean() > 0.95
-    np.testing.assert_allclose(plain.normal, fast.normal, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(plain.spread, fast.spread, rtol=1e-4, atol=1e-12)
-    np.testing.assert_allclose(plain.scale, fast.scale, rtol=1e-6)
-    np.testing.assert_allclose(plain.evidence, fast.evidence, rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(plain.share, fast.share, rtol=0, atol=1e-6)
+    assert_same(plain, fast, slice(4, None))
+
+
+def near_lamps(normals, seed=20):
+    """Lights that differ from pixel to pixel, and what plastic shows under them; some lamps do not reach a pixel."""
+    rng = np.random.default_rng(seed)
+    directions = DIRECTIONS + 0.2 * rng.normal(size=(len(normals), 1, 3)) * [1.0, 1.0, 0.0]
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    gone = rng.random(directions.shape[:2]) < 0.1
+    directions[gone] = 0.0
+    table = lights_table(directions)
+    d = STATE.dictionary
+    values = np.einsum("k,pkm->pm", PLASTIC, lobes(normals, table, d.kinds, d.shapes))
+    values[gone] = np.nan
+    return table, values
+
+
+def test_the_twins_agree_on_a_table_for_each_pixel():
+    normals = tilted(60, 21, most=40.0)
+    table, values = near_lamps(normals)
+    rng = np.random.default_rng(22)
+    values += 0.002 * rng.normal(size=values.shape)
+    start = normals + 0.03 * rng.normal(size=normals.shape)
+    plain, fast = (f(values, NONE, start, table, STATE.dictionary, STATE.settings) for f in TWINS)
+    assert_same(plain, fast)
+    assert np.median(angle(fast.normal, normals)) < 0.3
+    other = exemplar_compiled.fit_pixels(values, NONE, start, table[0], STATE.dictionary, STATE.settings)
+    assert np.median(angle(other.normal, normals)) > 3.0  # the tables do matter
+
+
+def test_one_table_for_all_is_as_many_alike():
+    values, start, _ = pixels(40, 23)
+    many = np.repeat(STATE.table[None], 40, axis=0)
+    for fit in TWINS:
+        one, same = (fit(values, NONE, start, table, STATE.dictionary, STATE.settings) for table in (STATE.table, many))
+        np.testing.assert_allclose(one.normal, same.normal, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(lights_table(np.repeat(DIRECTIONS[None], 40, axis=0)), many, rtol=1e-15)
 
 
 @pytest.mark.parametrize("fit", TWINS)

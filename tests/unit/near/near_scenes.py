@@ -20,6 +20,17 @@ def ring(count=12, *, radius=300.0, height=0.0, mu=1.0, aim=(0.0, 0.0, -600.0), 
     return tuple(lamps)
 
 
+def dome(count=24, *, centre=(10.0, -5.0, -600.0), distance=400.0, tilt=60.0):
+    """Return lamps on a spiral over a cap around a point, as far as `tilt` degrees from z, aimed at it."""
+    lamps = []
+    for k in range(count):
+        z = 1 - (1 - np.cos(np.radians(tilt))) * (k + 0.5) / count
+        angle, across = k * np.pi * (3 - np.sqrt(5)), np.sqrt(1 - z * z)
+        direction = np.array([across * np.cos(angle), across * np.sin(angle), z])
+        lamps.append(Led(position=centre + distance * direction, axis=-direction, mu=1.0, flux=1e5))
+    return tuple(lamps)
+
+
 def pinhole_sphere(size=48, *, radius=90.0, distance=600.0, focal=3.0):
     """Return camera, distances (h, w), normals and mask of a sphere in front of a pinhole, border left out."""
     camera = Pinhole(fx=focal * size, fy=focal * size, cx=(size - 1) / 2 + 1.3, cy=(size - 1) / 2 - 0.7)
@@ -57,3 +68,20 @@ def shoot(camera, depth, normals, mask, lamps, *, albedo=0.5, noise=0.0, seed=0)
         rng = np.random.default_rng(seed)
         images = images + noise * images[images > 0].mean() * rng.normal(size=images.shape)
     return Capture(stack=MemoryStack(images), rig=Rig(lamps), camera=camera, mask=mask)
+
+
+def shoot_glossy(camera, depth, normals, mask, lamps, *, brdf, noise=0.0, seed=0):
+    """Return the capture of a surface of any reflectance under lamps, float64, without cast shadows."""
+    points = camera.points(np.where(mask, depth, 1.0))[mask]
+    facing = normals[mask]
+    rays = camera.rays(mask.shape)[mask]
+    to_eye = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    images = np.zeros((len(lamps), *mask.shape, 1))
+    for image, lamp in zip(images, lamps, strict=True):
+        to_light = lamp.position - points
+        to_light /= np.linalg.norm(to_light, axis=1, keepdims=True)
+        image[mask] = lamp.irradiance(points, facing) * np.pi * brdf.evaluate(facing, to_light, to_eye)
+    images /= images.max()
+    if noise:
+        images += noise * images[images > 0].mean() * np.random.default_rng(seed).normal(size=images.shape)
+    return Capture(stack=MemoryStack(images), rig=Rig(tuple(lamps)), camera=camera, mask=mask)

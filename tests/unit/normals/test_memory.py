@@ -2,6 +2,7 @@
 
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -18,35 +19,38 @@ HEIGHT, WIDTH, LIGHTS = 512, 612, 96
 
 
 class Sun(ImageStack):
-    """Frames that are made when they are asked for, as a decoder would."""
+    """Frames that are made when they are asked for, as a decoder would, from shading that nobody counts."""
 
-    def __init__(self, surface, directions, dtype=np.uint16, channels=1):
-        self.normals = surface.normals.astype(np.float32)
-        self.directions = directions.astype(np.float32)
-        self.shape = (len(directions), *surface.mask.shape, channels)
-        self.dtype = np.dtype(dtype)
-        self.white = 65535.0 if dtype is np.uint16 else 1.0
-        self.saturates = dtype is np.uint16
-        self.names = tuple(f"{i}" for i in range(len(directions)))
+    def __init__(self, shading, channels=1):
+        self.shading = shading
+        self.shape = (*shading.shape, channels)
+        self.dtype = np.dtype(np.uint16)
+        self.white = 65535.0
+        self.saturates = True
+        self.names = tuple(f"{i}" for i in range(len(shading)))
 
     def frame(self, index):
-        frame = np.zeros(self.shape[1:], self.dtype)
-        for row in range(0, self.shape[1], 32):
-            shade = np.maximum(self.normals[row : row + 32] @ self.directions[index], 0)
-            frame[row : row + 32] = (shade * (0.8 * self.white))[..., None].astype(self.dtype)
-        return frame
+        return np.repeat(self.shading[index][..., None], self.shape[3], axis=2)
+
+
+class Surface(NamedTuple):
+    """The mask of hills, and their shading under each light, 16 bits, (m, h, w)."""
+
+    mask: np.ndarray
+    shading: np.ndarray
 
 
 @pytest.fixture(scope="module")
 def surface():
-    return hills(WIDTH, HEIGHT, steepness=1.0)
+    found = hills(WIDTH, HEIGHT, steepness=1.0)
+    normals, shading = found.normals.astype(np.float32), np.zeros((LIGHTS, HEIGHT, WIDTH), np.uint16)
+    for image, direction in zip(shading, spiral(LIGHTS).astype(np.float32), strict=True):
+        image[:] = np.maximum(normals @ direction, 0) * (0.8 * 65535)
+    return Surface(found.mask, shading)
 
 
 def capture_of(surface, channels=1, **options):
-    directions = spiral(LIGHTS)
-    return Capture(
-        stack=Sun(surface, directions, channels=channels), rig=Rig.distant(directions), mask=surface.mask, **options
-    )
+    return Capture(stack=Sun(surface.shading, channels), rig=Rig.distant(spiral(LIGHTS)), mask=surface.mask, **options)
 
 
 def peak(capture, **options):

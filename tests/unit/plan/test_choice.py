@@ -56,20 +56,72 @@ def test_few_lights_need_none_either():
     [
         ({"least_squares": 3.0, "robust": 1.0, "response_bend": 2.0}, "robust"),
         ({"least_squares": 3.0, "robust": 1.0, "response_bend": 0.5}, "response-bend"),
-        # as good within a twentieth: the quicker one
-        ({"robust": 1.03, "bivariate": 1.0}, "robust"),
-        ({"robust": 1.2, "bivariate": 1.0}, "bivariate"),
-        ({"robust": 0.03, "bivariate": 0.015}, "bivariate"),
+        ({"robust": 1.03, "bivariate": 1.0}, "bivariate"),
         ({"robust": 0.0012, "bivariate": 0.0006}, "robust"),
+        # exemplars stay unless another one seems twice as good
+        ({"robust": 0.6, "exemplar": 1.0}, "exemplar"),
+        ({"robust": 0.4, "exemplar": 1.0}, "robust"),
         # where Lambert's law is broken, least squares moves less than it errs
         ({"least_squares": 0.8, "robust": 1.0}, "robust"),
         ({"least_squares": 0.6, "robust": 1.0}, "least-squares"),
         ({"ambient": 0.6, "robust": 1.0}, "ambient"),
-        ({"trimmed": 0.9, "robust": 1.0}, "robust"),
+        ({"trimmed": 0.9, "robust": 1.0}, "trimmed"),
     ],
 )
-def test_the_quickest_of_the_best_is_taken(changes, solver):
+def test_the_least_doubtful_is_taken(changes, solver):
     assert choose_by_facts(tried(**changes)).solver == solver
+
+
+def beside(angles, last="exemplar"):
+    """Return facts of trials in which solvers are so far from the last one, whose doubt is 1°."""
+    facts = tried(**dict.fromkeys(angles, 3.0), **{last: 1.0})
+    trials = [replace(one, beside_deg=angles.get(one.solver.replace("-", "_"))) for one in facts.trials]
+    return replace(facts, trials=tuple(trials))
+
+
+@pytest.mark.parametrize(
+    ("angles", "solver"),
+    [
+        ({"least_squares": 0.5, "robust": 0.5}, "exemplar"),
+        ({"least_squares": 0.5, "robust": 0.3}, "robust"),
+        ({"least_squares": 0.2, "robust": 0.1}, "least-squares"),
+    ],
+)
+def test_a_quicker_solver_with_nearly_the_same_normals_is_as_good(angles, solver):
+    choice = choose_by_facts(beside(angles))
+    assert choice.solver == solver
+    assert ("nearly the same" in choice.reason) == (solver != "exemplar")
+
+
+def test_only_normals_of_the_best_make_another_as_good():
+    facts = beside({"least_squares": 0.2, "robust": 0.3})
+    better = replace(facts.trials[1], change_deg=0.1, apart_deg=0.1)
+    assert choose_by_facts(replace(facts, trials=(facts.trials[0], better, facts.trials[2]))).solver == "robust"
+
+
+def test_exemplars_have_no_start_over_those_that_are_near():
+    facts = beside({"least_squares": 2.0, "robust": 0.5})
+    least, robust, exemplar = facts.trials
+    assert choose_by_facts(facts).solver == "exemplar"
+    better = replace(robust, change_deg=0.8, apart_deg=0.8)
+    assert choose_by_facts(replace(facts, trials=(least, better, exemplar))).solver == "robust"
+    far = replace(better, beside_deg=0.7)
+    assert choose_by_facts(replace(facts, trials=(least, far, exemplar))).solver == "exemplar"
+
+
+def test_the_reason_says_what_the_figures_say():
+    first = choose_by_facts(tried(robust=2.0, exemplar=1.0))
+    assert "exemplar is the steadiest" in first.reason
+    second = choose_by_facts(tried(robust=0.9, exemplar=1.0))
+    assert second.solver == "exemplar"
+    assert "none outdoes exemplar" in second.reason
+
+
+def test_a_level_alone_is_a_choice_of_its_own():
+    choice = choose_by_facts(replace(tried(ambient=1.0), ambient=0.07))
+    assert choice.solver == "ambient"
+    assert "level" in choice.reason
+    assert choice.figure == "level 7.00% of the albedo"
 
 
 def test_a_doubt_takes_both_angles():

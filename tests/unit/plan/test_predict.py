@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import pytest
 
+from psstereo.normals.exemplar import Exemplar
 from psstereo.pipeline import Options
 from psstereo.plan import probe as probing
+from psstereo.plan.costs import COSTS
 from psstereo.plan.facts import Facts
 from psstereo.plan.plan import make_plan
 from psstereo.plan.predict import predict
 from psstereo.plan.probe import Speed, cache_file, machine_speed
+from psstereo.plan.trials import Trial
 
 FACTS = Facts(
     images=96, height=512, width=612, channels=3, bits=16, floating=False, saturates=True, pixels=150_000,
@@ -43,6 +46,18 @@ def test_a_slow_machine_takes_longer():
     slow = cost(FACTS, speed=Speed(solving=3.0, integrating=2.0))
     assert slow.solve == pytest.approx(3 * cost(FACTS).solve)
     assert slow.depth == pytest.approx(2 * cost(FACTS).depth)
+
+
+def test_what_trials_load_is_loaded_once_and_learning_has_its_price():
+    trial = Trial(solver="exemplar", change_deg=1.0, apart_deg=1.0, pixels=128, seconds=0.1)
+    tried, asked = cost(replace(FACTS, misfit=0.5, trials=(trial,))), cost(FACTS, Options(solver=Exemplar()))
+    assert asked.solve - tried.solve == pytest.approx(COSTS["exemplar"].load)
+    assert tried.survey - asked.survey > COSTS["exemplar"].load
+    alone = cost(FACTS, Options(solver=Exemplar(shared=0)))
+    assert asked.solve - alone.solve == pytest.approx(1500 * 96 * COSTS["exemplar"].learning)
+    few = replace(FACTS, pixels=100)
+    slow, quick = cost(few, Options(solver=Exemplar())), cost(few, Options(solver=Exemplar(shared=0)))
+    assert slow.solve - quick.solve == pytest.approx(100 * 96 * COSTS["exemplar"].readable)
 
 
 def test_what_is_left_out_costs_nothing():
