@@ -51,6 +51,7 @@ from psstereo.kernels.exemplar_terms import (
     Settings,
     no_fit,
 )
+from psstereo.kernels.misfit import Sky, misfit_spread
 from psstereo.types import BoolArray, FloatArray, IntArray
 
 __all__ = [
@@ -82,6 +83,7 @@ def fit_pixels(
     table: FloatArray,
     dictionary: Dictionary,
     settings: Settings,
+    sky: Sky | None = None,
 ) -> Fit:
     """Fit exemplars to pixels.
 
@@ -100,6 +102,8 @@ def fit_pixels(
         The exemplars.
     settings : Settings
         Numbers of the fit.
+    sky : Sky, optional
+        How misfits at the lights hang together; the spread is that by noise alone if absent.
 
     Returns
     -------
@@ -111,7 +115,7 @@ def fit_pixels(
     for first in range(0, p, _PART):
         part = slice(first, first + _PART)
         base = np.ones_like(values[part]) if weights.size == 0 else weights[part]
-        model = _Model(table if table.ndim == 2 else table[part], dictionary)
+        model = _Model(table if table.ndim == 2 else table[part], dictionary, sky)
         _part(values[part], base, start[part], model, settings, out.part(part))
     return out
 
@@ -133,12 +137,12 @@ class _Descent(NamedTuple):
 class _Model:
     """The exemplars under the lights."""
 
-    def __init__(self, table: FloatArray, dictionary: Dictionary) -> None:
-        self.table, self.dictionary = table, dictionary
+    def __init__(self, table: FloatArray, dictionary: Dictionary, sky: Sky | None = None) -> None:
+        self.table, self.dictionary, self.sky = table, dictionary, sky
 
     def at(self, pixels: IntArray) -> "_Model":
         """Return the model at some pixels."""
-        return self if self.table.ndim == 2 else _Model(self.table[pixels], self.dictionary)
+        return self if self.table.ndim == 2 else _Model(self.table[pixels], self.dictionary, self.sky)
 
     def columns(self, normals: FloatArray) -> FloatArray:
         """Return what each exemplar shows, (p, q, m)."""
@@ -197,7 +201,7 @@ def _part(values: FloatArray, weights: FloatArray, start: FloatArray, model: _Mo
     keep = np.flatnonzero(found.sound)
     at = rows[keep]
     spread, share = _spread(y[keep], g[keep], found.part(keep), model.at(keep), s)
-    out.normal[at], out.scale[at] = found.normal[keep], found.scale[keep]
+    out.normal[at], out.scale[at], out.loss[at] = found.normal[keep], found.scale[keep], found.loss[keep]
     out.amounts[at] = found.amounts[keep] * top[keep, None]
     out.spread[at] = spread
     out.share[at] = np.where(g[keep] > 0, share, out.share[at])
@@ -358,6 +362,9 @@ def _spread(y: FloatArray, g: FloatArray, found: _Descent, model: _Model, s: Set
     with np.errstate(invalid="ignore", divide="ignore"):
         factor = np.where(told, influence / (count - unknowns) / (slope * slope), np.nan)
     spread = np.stack([inverse[:, -2, -2], inverse[:, -2, -1], inverse[:, -1, -1]], axis=1) * factor[:, None]
+    if model.sky is not None:
+        pull = r * weight / np.where(told, slope, 1.0)[:, None]
+        spread += misfit_spread(full, a, free, np.where(lit, g, 0.0), r, pull, found.scale, model.sky)
     return spread, np.where(r < 0, -weight, weight)
 
 

@@ -10,6 +10,7 @@ import numba
 import numpy as np
 
 from psstereo.kernels.bipolynomial_compiled import select
+from psstereo.kernels.exemplar_spread_compiled import fill_spread, tie
 from psstereo.kernels.exemplar_steps_compiled import (
     fill_lobes,
     fill_mixed,
@@ -17,7 +18,6 @@ from psstereo.kernels.exemplar_steps_compiled import (
     fill_system,
     fill_turns,
     median,
-    minimum,
     nnls,
     reached,
     weigh,
@@ -28,7 +28,6 @@ from psstereo.kernels.exemplar_terms import (
     DARK_SHARE,
     FAILED,
     LEAST_HEIGHT,
-    LEAST_SLOPE,
     MAD,
     SETTLED,
     UNSETTLED,
@@ -37,6 +36,8 @@ from psstereo.kernels.exemplar_terms import (
     Settings,
     no_fit,
 )
+from psstereo.kernels.misfit import Sky
+from psstereo.kernels.misfit_compiled import misfit_work
 from psstereo.types import BoolArray, FloatArray, IntArray
 
 __all__ = ["fit_pixels"]
@@ -118,12 +119,6 @@ def _evidence(y, g, start, table, top, scale, left, r):
 
 
 @_plain
-def _tie(d, scale, ties):
-    for k in range(len(ties)):
-        ties[k] = d.ties[k] + d.noise_ties[k] * scale * scale
-
-
-@_plain
 def _prolong(n, x, trail, known, s):
     """Prolong a step, in place, by the secant of the last two; return by how much.
 
@@ -167,7 +162,7 @@ def _round(y, g, first, table, d, s, n, x, k, scale, work):
         if k < s.freeze:
             scale = max(s.tuning * MAD * median(r, g, cosine, s.dark, sizes), s.floor)
         weigh(r, g, cosine, s.dark, 1.0 / (scale * scale), w)
-    _tie(d, scale, work.ties)
+    tie(d, scale, work.ties)
     mass = fill_system(work.columns[: size + turns], w, y, work.ties, sizes, a, b)
     for q in range(size + 3):
         work.trail[0, q] = x[q] if q < size else n[q - size]
@@ -277,42 +272,6 @@ def _facing(y, g, table, n):
 
 
 @_plain
-def _spread(y, g, x, size, d, dark, scale, work, spread, share):
-    """Write covariance along the tangents and signed weights; the columns are those of the fit."""
-    r, w, sizes, cosine = work.rows[0], work.rows[1], work.rows[2], work.rows[3]
-    fill_residuals(y, work.columns, x, size, r)
-    count, influence, slope = 0, 0.0, 0.0
-    for i in range(len(y)):
-        w[i] = 0.0
-        if g[i] > 0.0:
-            share[i] = 0.0 if r[i] >= 0.0 else -0.0
-            if cosine[i] > dark:
-                w[i] = g[i]
-                v = r[i] * r[i] * g[i] / (scale * scale)
-                weight = 1.0 / ((1.0 + v) * (1.0 + v))
-                count += 1
-                influence += g[i] * (r[i] * weight) ** 2
-                slope += (1.0 - 3.0 * v) / (1.0 + v) ** 3
-                share[i] = weight if r[i] >= 0.0 else -weight
-    _tie(d, scale, work.ties)
-    fill_system(work.columns, w, y, work.ties, sizes, work.a, work.b)
-    unknowns = 2
-    for k in range(size + 2):
-        work.passive[k] = k >= size or x[k] > 0.0
-        unknowns += 1 if k < size and work.passive[k] else 0
-    slope /= max(count, 1)
-    if count <= unknowns or not slope > LEAST_SLOPE:
-        return
-    variance = influence / (count - unknowns) / (slope * slope)
-    for e in range(2):
-        work.b[:] = 0.0
-        work.b[size + e] = variance
-        if not minimum(work.a, work.b, work.passive, size + 2, work.at, work.small, work.z):
-            return
-        spread[e], spread[e + 1] = work.z[size], work.z[size + 1]
-
-
-@_plain
 def _best(y, g, first, start, table, d, s, n, x, other, x_other, work):
     """Descend from the start, and if that is poor from where a mirror would face; n, x hold the better."""
     scale, loss, step, sound = s.floor, 0.0, 1.0, False
@@ -330,11 +289,13 @@ def _best(y, g, first, start, table, d, s, n, x, other, x_other, work):
             n[:], x[:] = other, x_other
         if sound and scale <= s.poor:
             break
-    return scale, step, sound
+    return scale, loss, step, sound
 
 
 @_plain
-def _pixels(values, weights, start, tables, d, s, normal, amounts, spread, outcome, share, scales, evidence):
+def _pixels(
+    values, weights, start, tables, d, s, cell, alike, normal, amounts, spread, outcome, share, scales, evidence, losses
+):
     p, m = values.shape
     size, count = len(d.ties), len(d.kinds)
     y, g, first, one = np.zeros(m), np.zeros(m), np.zeros(m), np.ones(m)
@@ -354,6 +315,7 @@ def _pixels(values, weights, start, tables, d, s, normal, amounts, spread, outco
         np.zeros(size),
         np.zeros((3, size + 3)),
     )
+    tell, more = misfit_work(size + 2, m, len(alike)), np.zeros(3)
     for j in range(p):
         table = tables[j if len(tables) > 1 else 0]
         weight = weights[j] if weights.size else one
@@ -364,15 +326,15 @@ def _pixels(values, weights, start, tables, d, s, normal, amounts, spread, outco
         length = start[j, 0] ** 2 + start[j, 1] ** 2 + start[j, 2] ** 2
         if top == 0.0 or not (length > 0.0 and length < np.inf):
             continue
-        scale, step, sound = _best(y, g, first, start[j], table, d, s, n, x, other, x_other, work)
+        scale, loss, step, sound = _best(y, g, first, start[j], table, d, s, n, x, other, x_other, work)
         outcome[j] = (SETTLED if step <= s.settled else UNSETTLED) if sound else FAILED
         if not sound:
             continue
-        normal[j], scales[j] = n, scale
+        normal[j], scales[j], losses[j] = n, scale, loss
         for k in range(size):
             amounts[j, k] = x[k] * top
         _columns(n, x, table, d, work)
-        _spread(y, g, x, size, d, s.dark, scale, work, spread[j], share[j])
+        fill_spread(y, g, x, size, d, s.dark, scale, work, cell, alike, tell, more, spread[j], share[j])
         evidence[j] = _evidence(y, g, start[j], table, top, scale, work.rows[0], work.rows[1])
 
 
@@ -383,10 +345,12 @@ def fit_pixels(
     table: FloatArray,
     dictionary: Dictionary,
     settings: Settings,
+    sky: Sky | None = None,
 ) -> Fit:
     """Fit exemplars to pixels; see :func:`psstereo.kernels.exemplar.fit_pixels`."""
     tables = np.ascontiguousarray(table if table.ndim == 3 else table[None])  # so that there is one kind to compile
     p, m = values.shape
     out = no_fit(p, m, len(dictionary.ties))
-    _pixels(values, weights, start, tables, dictionary, settings, *out)
+    cell, alike = (np.zeros(0, np.int64), np.zeros((0, 0))) if sky is None else sky
+    _pixels(values, weights, start, tables, dictionary, settings, cell, alike, *out)
     return out

@@ -11,6 +11,8 @@ v the view along z, h half way between light and view, and e = n·v, cut off at 
 * `FACETED`, c (1 + s max(0, l·v − c e) / max(c, e)), small matte facets with s the ratio B / A of [4]_;
 * `GGX`, c times D V of microfacets with roughness² = α, as a multiple of its value with light and eye on the
   normal [3]_;
+* `BELL`, the same with facets whose slopes are Gaussian, after Beckmann [3]_, so that the highlight ends sooner; the
+  shadowing is that of `GGX`, from which its own differs little;
 * `CONSTANT`, 1 whatever the normal: light that comes by way of the surroundings.
 
 References
@@ -28,12 +30,14 @@ import numpy as np
 from psstereo.types import FloatArray, IntArray
 
 __all__ = [
+    "BELL",
     "CONSTANT",
     "FACETED",
     "GGX",
     "GLAZE",
     "GRAZING",
     "LAMBERT",
+    "LEAST_HALF",
     "POWER",
     "ROUGH",
     "along",
@@ -43,11 +47,14 @@ __all__ = [
     "tangents",
 ]
 
-LAMBERT, GLAZE, POWER, ROUGH, FACETED, GGX, CONSTANT = range(7)
+LAMBERT, GLAZE, POWER, ROUGH, FACETED, GGX, CONSTANT, BELL = range(8)
 """Kinds of lobes."""
 
 GRAZING = 0.02
 """Least cosine between normal and view that lobes are computed with [1]."""
+
+LEAST_HALF = 0.05
+"""Least cosine between normal and half vector that Gaussian facets are computed with; they show nothing there [1]."""
 
 _LEAST_SHADOWING = 1e-9
 """Denominator of microfacet shadowing below which no light is left [1]."""
@@ -145,6 +152,8 @@ def _lobe(kind: int, s: float, c: FloatArray, eye: FloatArray, half: FloatArray,
         return np.ones_like(c)
     if kind == GGX:
         return _gloss(s * s, c, eye, half)
+    if kind == BELL:
+        return _bell(s * s, c, eye, half)
     shape = np.ones_like(c)
     if kind == POWER:
         shape = np.where(c > 0.0, c, 1.0) ** (s - 1.0)
@@ -163,6 +172,13 @@ def _gloss(square: float, c: FloatArray, eye: FloatArray, half: FloatArray) -> F
     light, seen = np.sqrt(c * c + square * (1.0 - c * c)), np.sqrt(eye * eye + square * (1.0 - eye * eye))
     shadowing = 2.0 / np.maximum(c * seen + eye * light, _LEAST_SHADOWING)
     return np.where(half > 0.0, c * facets * facets * shadowing, 0.0)
+
+
+def _bell(square: float, c: FloatArray, eye: FloatArray, half: FloatArray) -> FloatArray:
+    inverse = 1.0 / np.maximum(half, LEAST_HALF) ** 2
+    facets = np.exp((1.0 - inverse) / square) * inverse * inverse
+    light, seen = np.sqrt(c * c + square * (1.0 - c * c)), np.sqrt(eye * eye + square * (1.0 - eye * eye))
+    return np.asarray(c * facets * 2.0 / np.maximum(c * seen + eye * light, _LEAST_SHADOWING))
 
 
 def slopes(
@@ -197,6 +213,8 @@ def _slope(kind: int, s: float, c: FloatArray, eye: FloatArray, half: FloatArray
         return _faceted_slope(s, c, eye, table[..., 2, :])
     if kind == GGX:
         return _gloss_slope(s * s, c, eye, half)
+    if kind == BELL:
+        return _bell_slope(s * s, c, eye, half)
     by_light, by_eye = flat + 1.0, flat
     if kind == CONSTANT:
         by_light = flat
@@ -228,5 +246,17 @@ def _gloss_slope(square: float, c: FloatArray, eye: FloatArray, half: FloatArray
     bare = np.where(half > 0.0, 2.0 * facets * facets / below, 0.0)
     by_light = bare * (1.0 - c * (seen + eye * rest * c / light) / below)
     by_half = bare * c * 4.0 * rest * half * facets / square
+    by_eye = -bare * c * (c * rest * eye / seen + light) / below
+    return np.stack([by_light, by_half, by_eye], axis=1)
+
+
+def _bell_slope(square: float, c: FloatArray, eye: FloatArray, half: FloatArray) -> FloatArray:
+    rest, h = 1.0 - square, np.maximum(half, LEAST_HALF)
+    inverse = 1.0 / (h * h)
+    light, seen = np.sqrt(c * c + square * (1.0 - c * c)), np.sqrt(eye * eye + square * (1.0 - eye * eye))
+    below = np.maximum(c * seen + eye * light, _LEAST_SHADOWING)
+    bare = 2.0 * np.exp((1.0 - inverse) / square) * inverse * inverse / below
+    by_light = bare * (1.0 - c * (seen + eye * rest * c / light) / below)
+    by_half = np.where(half > LEAST_HALF, bare * c * (2.0 * inverse / square - 4.0) / h, 0.0)
     by_eye = -bare * c * (c * rest * eye / seen + light) / below
     return np.stack([by_light, by_half, by_eye], axis=1)

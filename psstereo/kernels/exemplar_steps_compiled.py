@@ -10,7 +10,17 @@ import numba
 import numpy as np
 
 from psstereo.kernels.bipolynomial_compiled import factor, select, solve_factored
-from psstereo.kernels.exemplar_lobes import CONSTANT, FACETED, GGX, GLAZE, GRAZING, POWER, ROUGH
+from psstereo.kernels.exemplar_lobes import (
+    BELL,
+    CONSTANT,
+    FACETED,
+    GGX,
+    GLAZE,
+    GRAZING,
+    LEAST_HALF,
+    POWER,
+    ROUGH,
+)
 from psstereo.kernels.exemplar_nnls import NOTHING, STEPS
 from psstereo.kernels.exemplar_terms import WEAK
 
@@ -52,6 +62,25 @@ def _gloss(s, amount, eye, cosine, half, out, by):
         bare *= amount
         by[0, i] += bare * (1.0 - c * (seen + eye * rest * c * (share * narrow * below)) * under)
         by[1, i] += bare * c * steep * h * facets
+        by[2, i] -= bare * c * (c * sidelong + light) * under
+
+
+@_loop
+def _bell(s, amount, eye, cosine, half, out, by):
+    """Fill a gloss with Gaussian facets and add its derivatives."""
+    square = s * s
+    rest, sharp = 1.0 - square, 1.0 / square
+    seen = math.sqrt(eye * eye + square * (1.0 - eye * eye))
+    sidelong = rest * eye / seen
+    for i in range(len(out)):
+        c, h = cosine[i], max(half[i], LEAST_HALF)
+        light, inverse = math.sqrt(c * c + square * (1.0 - c * c)), 1.0 / (h * h)
+        under = 1.0 / max(c * seen + eye * light, 1e-9)
+        bare = 2.0 * math.exp((1.0 - inverse) * sharp) * inverse * inverse * under
+        out[i] = c * bare
+        bare *= amount
+        by[0, i] += bare * (1.0 - c * (seen + eye * rest * c / light) * under)
+        by[1, i] += bare * c * (2.0 * inverse * sharp - 4.0) / h if half[i] > LEAST_HALF else 0.0
         by[2, i] -= bare * c * (c * sidelong + light) * under
 
 
@@ -131,6 +160,8 @@ def fill_lobes(n, table, kinds, shapes, mix, amounts, cosine, half, out, by):
             has |= mix[q, k] != 0.0
         if has and kinds[k] == GGX:
             _gloss(shapes[k], amounts[k], eye, cosine, half, out[k], by)
+        elif has and kinds[k] == BELL:
+            _bell(shapes[k], amounts[k], eye, cosine, half, out[k], by)
         elif has:
             _matte(kinds[k], shapes[k], amounts[k], eye, cosine, table, out[k], by)
     facing = 1.0 if n2 > GRAZING else 0.0

@@ -109,6 +109,9 @@ class Fit(NamedTuple):
     evidence : float64 array (p,)
         How much less there is in doubt than by Lambert's law with the start: the sum of the squared residuals over the
         scale, none of which counts more than one, so that a highlight which a robust fit left out is little [1].
+    loss : float64 array (p,)
+        By which answers from several starts are compared: the sum of the logarithms of one plus the squared residuals
+        over the square of `Settings.yard` [1].
     """
 
     normal: FloatArray
@@ -118,12 +121,13 @@ class Fit(NamedTuple):
     share: FloatArray
     scale: FloatArray
     evidence: FloatArray
+    loss: FloatArray
 
-    def part(self, pixels: slice) -> "Fit":
-        """Return views of some pixels' arrays."""
+    def part(self, pixels: slice | IntArray) -> "Fit":
+        """Return some pixels' arrays: views for a slice."""
         normal, amounts, spread = self.normal[pixels], self.amounts[pixels], self.spread[pixels]
         outcome, share, scale = self.outcome[pixels], self.share[pixels], self.scale[pixels]
-        return Fit(normal, amounts, spread, outcome, share, scale, self.evidence[pixels])
+        return Fit(normal, amounts, spread, outcome, share, scale, self.evidence[pixels], self.loss[pixels])
 
 
 def no_fit(pixels: int, lights: int, exemplars: int) -> Fit:
@@ -147,4 +151,5 @@ def no_fit(pixels: int, lights: int, exemplars: int) -> Fit:
         np.full((pixels, lights), np.nan),
         np.full(pixels, np.nan),
         np.zeros(pixels),
+        np.full(pixels, np.nan),
     )

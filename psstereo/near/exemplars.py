@@ -157,7 +157,7 @@ def fit_block(
     values = seen.values(brightness)
     table = lights_table(seen.directions)
     begin = turned(places.frames, start)
-    return state.fit(values, seen.weights, begin, table, state.dictionary, state.settings), values
+    return state.fit(values, seen.weights, begin, table, state.dictionary, state.settings, state.sky), values
 
 
 def fit_exemplars(

@@ -61,15 +61,7 @@ def part_of(fit: Fit, pixels: IntArray) -> Fit:
     Fit
         Copies of theirs.
     """
-    return Fit(
-        normal=fit.normal[pixels],
-        amounts=fit.amounts[pixels],
-        spread=fit.spread[pixels],
-        outcome=fit.outcome[pixels],
-        share=fit.share[pixels],
-        scale=fit.scale[pixels],
-        evidence=fit.evidence[pixels],
-    )
+    return Fit._make(each[pixels] for each in fit)
 
 
 def exemplar_energy(

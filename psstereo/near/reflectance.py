@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from psstereo.errors import RigError
+from psstereo.kernels.misfit import sky_of
 from psstereo.kernels.near import NearFit
 from psstereo.near.alternate import Alternation, Settled
 from psstereo.near.exemplars import NOISE, blended, exemplar_state, fit_exemplars
@@ -185,7 +186,7 @@ def settle_reflectance(
     found, last = _descend(teacher, fine, pixels, settled, options=options, progress=progress)
     reason = "Exemplar materials were asked for." if wanted == "exemplar" else f"{why[0].upper()}{why[1:]}"
     return found, Reflectance(
-        state=last.state,
+        state=replace(last.state, sky=sky_of(teacher.directions)),
         reason=reason,
         broken=seen.broken,
         materials=len(last.state.dictionary.mix),
@@ -211,7 +212,8 @@ class _Teacher:
     def state(self, materials: FloatArray | None) -> ExemplarState:
         """Return the exemplars with these materials, or with every lobe for itself."""
         work = float(len(self.alternation.lamps)) * len(self.fine) * _FITS
-        return exemplar_state(self.exemplars, self.directions, materials, work)
+        # Error bars that know model error are for the answer, not for the way there.
+        return replace(exemplar_state(self.exemplars, self.directions, materials, work), sky=None)
 
     def look(self, level: Level, q: FloatArray) -> Look:
         """Look at some pixels of a level."""

@@ -14,9 +14,22 @@ from psstereo.errors import InputError, OptionError
 from psstereo.kernels.bipolynomial import tangents as other_tangents
 from psstereo.kernels.dispatch import kernel
 from psstereo.kernels.exemplar import FAILED, SETTLED, Dictionary, Fit, Settings
-from psstereo.kernels.exemplar_lobes import CONSTANT, FACETED, GGX, GLAZE, LAMBERT, POWER, ROUGH, lights_table, tangents
+from psstereo.kernels.exemplar_lobes import (
+    BELL,
+    CONSTANT,
+    FACETED,
+    GGX,
+    GLAZE,
+    LAMBERT,
+    POWER,
+    ROUGH,
+    lights_table,
+    tangents,
+)
+from psstereo.kernels.misfit import Sky, sky_of
 from psstereo.kernels.response_bend import BendFit
 from psstereo.lights import Rig
+from psstereo.normals.exemplar_search import Widening, candidates, widen
 from psstereo.normals.parts import some
 from psstereo.normals.reflectance_fit import Told, as_rows, put
 from psstereo.normals.response_bend import ResponseBend, ResponseBendState
@@ -81,9 +94,12 @@ LOBES: tuple[Lobe, ...] = (
     Lobe(name="gloss-0.1", kind=GGX, shape=0.1, matte=False),
     Lobe(name="gloss-0.25", kind=GGX, shape=0.25, matte=False),
     Lobe(name="gloss-0.6", kind=GGX, shape=0.6, matte=False),
+    Lobe(name="bell-0.15", kind=BELL, shape=0.15, matte=False),
+    Lobe(name="bell-0.3", kind=BELL, shape=0.3, noise_tie=1.0, matte=False),
+    Lobe(name="bell-0.45", kind=BELL, shape=0.45, noise_tie=1.0, matte=False),
     Lobe(name="surroundings", kind=CONSTANT, tie=1e-2, matte=False),
 )
-"""The dictionary: matte bodies, microfacets of three roughnesses, and light by way of the surroundings."""
+"""The dictionary: matte bodies, microfacets whose slopes have long tails or none, and light from the surroundings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +120,10 @@ class ExemplarState:
         Numbers of the fit.
     fit : callable
         The hot loop, compiled or not.
+    wide : Widening or None
+        Other starts for pixels that are fitted badly; None where every pixel has materials of its own.
+    sky : Sky or None
+        How misfits at the lights hang together, for error bars that know model error; None for those by noise alone.
     """
 
     simple: ResponseBendState
@@ -112,6 +132,8 @@ class ExemplarState:
     matte: FloatArray
     settings: Settings
     fit: Callable[..., Fit]
+    wide: Widening | None
+    sky: Sky | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +141,7 @@ class Exemplar(NormalSolver[ExemplarState]):
     """A non-negative sum of exemplar reflectances, fitted together with the normal, robustly, at every pixel.
 
     The dictionary holds Lambert's law, matte bodies under a glaze and of rough material, a body that darkens faster
-    than the cosine, microfacets of three roughnesses, and a constant for light from the surroundings (`LOBES`). It is
+    than the cosine, microfacets of six kinds, and a constant for light from the surroundings (`LOBES`). It is
     the idea of [1]_ with formulas in the place of measured materials, a search by steps in the place of a list of
     candidates, and a robust loss. Where a robust Lambertian fit leaves nothing but noise, its normal stands, so that
     matte surfaces lose nothing. Lobes, ties and limits were chosen on path-traced
@@ -142,9 +164,12 @@ class Exemplar(NormalSolver[ExemplarState]):
         Materials that are found from pixels all over the object and stand for the lobes in each, 0 for none; gloss and
         albedo still vary. Two, as matte and gloss, serve most objects; 0 where many different materials meet.
 
-    materials : tuple of tuple of float (q, 9)
+    materials : tuple of tuple of float (q, 12)
         Amounts of each of `LOBES` in the materials of one object, as :func:`share_materials` finds them; empty until
         then, and where `shared` is 0 [1].
+    usual : tuple of float
+        Mean of the logarithm of the sum of these amounts over the object, and its standard deviation, by which answers
+        of pixels that are fitted badly are told apart; empty if it is not known [1].
 
     References
     ----------
@@ -163,6 +188,7 @@ class Exemplar(NormalSolver[ExemplarState]):
     rounds: int = _DEFAULT.rounds
     shared: int = 2
     materials: tuple[tuple[float, ...], ...] = ()
+    usual: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not (0 < self.floor < 1 and self.rounds > _DEFAULT.freeze and 0 <= self.shared <= 6):
@@ -179,6 +205,13 @@ class Exemplar(NormalSolver[ExemplarState]):
                 f"{sorted({len(one) for one in self.materials})} amounts.",
                 needed=f"{len(LOBES)} amounts each, one a lobe, finite, not negative, some above 0.",
                 remedy="Take them from share_materials, or give none.",
+            )
+        known = len(self.usual) == 2 and bool(self.materials) and bool(np.isfinite(self.usual).all())
+        if self.usual and not (known and self.usual[1] > 0):
+            raise OptionError(
+                given=f"The exemplar solver is given {self.usual} as usual amounts of {len(self.materials)} materials.",
+                needed="The mean of a logarithm and its standard deviation above 0, finite, and materials.",
+                remedy="Take both from share_materials, or give none.",
             )
 
     @property
@@ -211,15 +244,25 @@ class Exemplar(NormalSolver[ExemplarState]):
         """Take the angles of all lights and choose the loop; see :meth:`NormalSolver.prepare`."""
         self.require_lights(rig)
         work = None if pixels is None else float(pixels) * len(rig)
-        dictionary = self._dictionary()
+        dictionary, settings = self._dictionary(), Settings(floor=float(self.floor), rounds=self.rounds)
+        table, sky = lights_table(rig.directions), sky_of(rig.directions)
+        fit = kernel("exemplar", "fit_pixels", work, _BREAK_EVEN)
+        wide = None
+        if self.materials:
+            usual, width = self.usual or (0.0, np.inf)
+            search = kernel("exemplar_search", "search", work, _BREAK_EVEN)
+            normals = candidates(table, dictionary, settings)
+            wide = Widening(normals, usual, width, table, dictionary, settings, sky, fit, search)
         matte = np.array([float(lobe.matte) for lobe in LOBES])
         return ExemplarState(
             simple=ResponseBend(gate=self.gate).prepare(rig, pixels),
-            table=lights_table(rig.directions),
+            table=table,
             dictionary=dictionary,
             matte=dictionary.mix @ matte if dictionary.mix.size else matte,
-            settings=Settings(floor=float(self.floor), rounds=self.rounds),
-            fit=kernel("exemplar", "fit_pixels", work, _BREAK_EVEN),
+            settings=settings,
+            fit=fit,
+            wide=wide,
+            sky=sky,
         )
 
     def solve(self, state: ExemplarState, samples: Samples) -> PixelNormals:
@@ -291,7 +334,9 @@ def fit_samples(
     if len(chosen) == 0:
         return found, None, chosen, np.zeros(0)
     values, weights = as_rows(some(samples, chosen))
-    fit = state.fit(values, weights, found.scaled[chosen], state.table, state.dictionary, state.settings)
+    fit = state.fit(values, weights, found.scaled[chosen], state.table, state.dictionary, state.settings, state.sky)
+    if state.wide is not None and state.table.ndim == 2:
+        widen(state.wide, values, weights, found.scaled[chosen], fit)
     with np.errstate(invalid="ignore"):
         grown = np.clip(
             fit.evidence / (_NOISE * max(1.0, _MANY / len(samples.values))) - (1.0 - kept[0].share[chosen]), 0.0, 1.0

@@ -15,10 +15,11 @@ from psstereo.kernels.exemplar_lobes import CONSTANT, lobes
 from psstereo.kernels.exemplar_nnls import nnls
 from psstereo.lights import Rig
 from psstereo.normals.exemplar import LOBES, Exemplar, fit_samples
+from psstereo.normals.exemplar_search import usual_amounts
 from psstereo.normals.solver import Samples
-from psstereo.types import FloatArray
+from psstereo.types import FloatArray, IntArray
 
-__all__ = ["share_materials"]
+__all__ = ["common_materials", "share_materials", "trusted"]
 
 _ROUNDS = 20
 """Rounds between amounts and materials."""
@@ -87,9 +88,10 @@ def share_materials(
     # Who is looked at is solved once more when the materials are known.
     state = free.prepare(rig, max(whole or 0, count + len(chosen)))
     # Amounts of lobes that look alike creep on when the normal stands already, and it is amounts that are wanted here.
-    state = replace(state, settings=state.settings._replace(told=0.0, reach=0.0))
+    # Pixels are chosen by error bars of noise alone; a misfit is what the residuals' scale tells already.
+    state = replace(state, settings=state.settings._replace(told=0.0, reach=0.0), sky=None)
     _, fit, at, _ = fit_samples(free, state, some)
-    good = np.zeros(0, np.intp) if fit is None else _trusted(fit)
+    good = np.zeros(0, np.intp) if fit is None else trusted(fit)
     if fit is None or len(good) < _LEAST_FITTED:
         raise InputError(
             given=f"At {len(good)} of {len(chosen)} pixels the exemplars can be fitted.",
@@ -98,28 +100,57 @@ def share_materials(
         )
     d = state.dictionary
     columns = lobes(fit.normal[good], state.table, d.kinds, d.shapes)
-    found = _materials(some.values[:, at[good]].T, np.abs(fit.share[good]), columns, fit.amounts[good], materials)
-    return Exemplar(
-        gate=given.gate,
-        floor=given.floor,
-        rounds=given.rounds,
-        shared=0,
-        materials=tuple(tuple(float(a) for a in one) for one in found),
-    )
+    values, share = some.values[:, at[good]].T, np.abs(fit.share[good])
+    found, totals = common_materials(values, share, columns, fit.amounts[good], materials)
+    return replace(free, materials=tuple(tuple(float(a) for a in one) for one in found), usual=usual_amounts(totals))
 
 
-def _trusted(fit: Fit) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Return the pixels whose fits stand, without the worse half: shadows and light from neighbours spoil those."""
-    stands = fit.outcome < FAILED
-    if not stands.any():
-        return np.zeros(0, np.intp)
-    return np.flatnonzero(stands & (fit.scale <= np.median(fit.scale[stands])))
+def trusted(fit: Fit) -> IntArray:
+    """Return the pixels whose fits stand, without the worse half: shadows and light from neighbours spoil those.
+
+    Both small residuals and small error bars count, by their ranks; on metal either alone is deceived.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of p pixels, with error bars by noise alone.
+
+    Returns
+    -------
+    int array (k,)
+        The better half, in order.
+    """
+    stands = np.flatnonzero(fit.outcome < FAILED)
+    width = np.nan_to_num(fit.spread[stands, 0] + fit.spread[stands, 2], nan=np.inf)
+    order = fit.scale[stands].argsort(kind="stable").argsort() + width.argsort(kind="stable").argsort()
+    return np.sort(stands[order.argsort(kind="stable")[: (len(stands) + 1) // 2]])
 
 
-def _materials(
+def common_materials(
     values: FloatArray, share: FloatArray, columns: FloatArray, amounts: FloatArray, count: int
-) -> FloatArray:
-    """Return materials (q, k) of which every pixel's brightness is a non-negative sum, all pixels counting the same."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return materials of which every pixel's brightness is a non-negative sum; all pixels count the same.
+
+    Parameters
+    ----------
+    values : float64 array (p, m)
+        Brightness.
+    share : float64 array (p, m)
+        Weight of each observation, 0 … 1; what is more or NaN takes no part [1].
+    columns : float64 array (p, k, m)
+        What each lobe shows.
+    amounts : float64 array (p, k)
+        Of the lobes, fitted freely [unit of the values].
+    count : int
+        How many materials.
+
+    Returns
+    -------
+    materials : float64 array (q, k)
+        Amounts of the lobes, 1 in sum; fewer than asked for where some come to nothing [1].
+    totals : float64 array (p,)
+        Sum of each pixel's amounts [unit of the values].
+    """
     values = np.where(np.isfinite(values), values, np.nan)
     own = np.array([float(lobe.kind != CONSTANT) for lobe in LOBES])
     top = np.nanquantile(values, 0.95, axis=1)
@@ -130,10 +161,12 @@ def _materials(
     gram = np.einsum("pkm,pm,pjm->pkj", columns, w, columns, optimize=True)
     right = np.einsum("pkm,pm->pk", columns, w * y)
     mass = w.sum(axis=1)
+    totals = np.zeros(len(y))
     for _ in range(_ROUNDS):
         a = start @ gram @ start.T + np.eye(count) * (_TIE * mass)[:, None, None]
         part = nnls(a, right @ start.T, 0, np.zeros((len(y), count)), mass)
         whole = np.einsum("pq,pr,pkj->qkrj", part, part, gram, optimize=True).reshape(count * k, count * k)
+        totals = part @ start.sum(axis=1)
         whole += np.eye(count * k) * _TIE * mass.sum()
         held = np.tile(own == 0, count)
         whole[held], whole[:, held] = 0.0, 0.0
@@ -143,7 +176,7 @@ def _materials(
         start = start[start.max(axis=1) > 0]
         count = len(start)
         start /= start.sum(axis=1, keepdims=True)
-    return start
+    return start, totals * top
 
 
 def _start(amounts: FloatArray, count: int) -> FloatArray:

