@@ -373,10 +373,11 @@ def response_bend(
     settings: Settings,
 ) -> BendFit:
     """Solve some pixels; see :func:`psstereo.kernels.response_bend.response_bend`."""
+    values = np.ascontiguousarray(values)  # one layout, so that there are fewer kinds to compile
     p, size = values.shape[1], settings.segments + 3
     solution, matrix = np.full((p, size), np.nan), np.full((p, 6), np.nan)
     facts, counts = np.zeros((5, p)), np.zeros((2, p), np.int64)
     facts[1:4] = np.nan
-    heavy = np.zeros((0, 0)) if weights is None else np.asarray(weights, np.float64)
+    heavy = np.zeros((0, 0)) if weights is None else np.ascontiguousarray(weights, np.float64)
     _pixels(values, heavy, np.ascontiguousarray(q.T), r_inverse, pairs, settings, solution, matrix, facts, counts)
     return BendFit(solution, matrix, facts[1], facts[0], facts[2], facts[3], counts[0], counts[1], facts[4] > 0)

@@ -355,11 +355,12 @@ def robust_fit(
     verdicts: bool,
 ) -> RobustFit:
     """Solve some pixels; see :func:`psstereo.kernels.robust.robust_fit`."""
+    values = np.ascontiguousarray(values)  # one layout, so that there are fewer kinds to compile
     m, p = values.shape
     x, matrix, facts = np.zeros((p, 3)), np.zeros((p, 6)), np.zeros((2, p))
     counts = np.zeros((4, p), np.int64)
     judged: Array = np.zeros((m, p) if verdicts else (0, 0), np.uint8)
-    heavy = np.zeros((0, 0)) if weights is None else np.asarray(weights, np.float64)
+    heavy = np.zeros((0, 0)) if weights is None else np.ascontiguousarray(weights, np.float64)
     rows = np.ascontiguousarray(q.T)
     fine = values.dtype == np.float64  # then a second step of correction is worth its while
     single = rows.astype(np.float32)

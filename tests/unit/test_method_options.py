@@ -121,7 +121,10 @@ def test_every_solver_can_be_configured_with_its_own_defaults(name):
     settings = settings_of(kind())
     assert {option.name for option in options} <= set(settings)
     tables = {key: value for key, value in settings.items() if key not in {option.name for option in options}}
-    known = {"sky": {"sky": None}, "exemplar": {"materials": []}}  # tables of numbers, which no word can give
+    known = {
+        "sky": {"sky": None},
+        "exemplar": {"materials": [], "usual": []},
+    }  # tables of numbers, which no word can give
     assert tables == known.get(name, {})
     words = {option.name: "none" if option.default is None else str(option.default) for option in options}
     assert configure(kind, words) == kind()
