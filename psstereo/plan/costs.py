@@ -38,17 +38,17 @@ class Cost:
 
 
 COSTS: dict[str, Cost] = {
-    "least-squares": Cost(readable=35e-9, compiled=35e-9),
+    "least-squares": Cost(readable=30e-9, compiled=30e-9),
     "sky": Cost(readable=500e-9, compiled=500e-9),
-    "trimmed": Cost(readable=55e-9, compiled=55e-9),
-    "ambient": Cost(readable=950e-9, compiled=950e-9),
-    "low-rank": Cost(readable=850e-9, compiled=850e-9),
-    "robust": Cost(readable=900e-9, compiled=85e-9, load=1.0, break_even=1.5e6, start=0.2),
-    "sparse-bayesian": Cost(readable=900e-9, compiled=190e-9, load=0.7, break_even=5e5, start=0.2),
-    "response-bend": Cost(readable=2400e-9, compiled=250e-9, load=0.9, break_even=9e5, start=0.2),
-    "bi-polynomial": Cost(readable=3600e-9, compiled=450e-9, load=0.9, break_even=1e5, start=0.2),
-    "exemplar": Cost(readable=7000e-9, compiled=600e-9, load=0.8, break_even=4.5e4, start=0.2, learning=3300e-9),
-    "bivariate": Cost(readable=6000e-9, compiled=1600e-9, load=1.0, break_even=2e5, start=0.2),
+    "trimmed": Cost(readable=35e-9, compiled=35e-9),
+    "ambient": Cost(readable=550e-9, compiled=550e-9),
+    "low-rank": Cost(readable=600e-9, compiled=600e-9),
+    "robust": Cost(readable=800e-9, compiled=50e-9, load=0.42, break_even=1.5e6, start=0.15),
+    "sparse-bayesian": Cost(readable=780e-9, compiled=115e-9, load=0.5, break_even=5e5, start=0.15),
+    "response-bend": Cost(readable=1800e-9, compiled=140e-9, load=0.48, break_even=9e5, start=0.17),
+    "bi-polynomial": Cost(readable=5900e-9, compiled=580e-9, load=0.48, break_even=1e5, start=0.17),
+    "exemplar": Cost(readable=8000e-9, compiled=900e-9, load=0.5, break_even=4.5e4, start=0.17, learning=3600e-9),
+    "bivariate": Cost(readable=4600e-9, compiled=1030e-9, load=0.39, break_even=2e5, start=0.15),
 }
 """By the solver's name."""
 
