@@ -12,7 +12,7 @@ import numpy as np
 
 from psstereo.kernels.exemplar_lobes import lobes
 from psstereo.kernels.exemplar_search import LEAST_AMOUNT, LEAST_LOSS, Candidates, SearchSettings
-from psstereo.kernels.exemplar_terms import FAILED, MAD, UNSETTLED, Dictionary, Fit, Settings, no_fit
+from psstereo.kernels.exemplar_terms import FAILED, MAD, Dictionary, Fit, Settings, no_fit
 from psstereo.kernels.misfit import Sky
 from psstereo.types import FloatArray, IntArray
 
@@ -184,7 +184,7 @@ def _fit(
 
 
 def _hedge(fit: Fit, poor: IntArray, normals: FloatArray, behind: FloatArray) -> None:
-    """Let the error bars reach to other answers that are about as good, and tell that nothing is settled there."""
+    """Let the error bars reach to other answers that are about as good."""
     with np.errstate(invalid="ignore"):
         cosine = (normals * fit.normal[poor]).sum(axis=2)
         other = (behind <= _DOUBT) & (cosine < _FAR)
@@ -192,7 +192,6 @@ def _hedge(fit: Fit, poor: IntArray, normals: FloatArray, behind: FloatArray) ->
     two = np.flatnonzero(angle > 0)
     fit.spread[poor[two], 0] += _SHARE * angle[two] ** 2
     fit.spread[poor[two], 2] += _SHARE * angle[two] ** 2
-    fit.outcome[poor[two]] = np.maximum(fit.outcome[poor[two]], UNSETTLED)
 
 
 def _columns(normals: FloatArray, table: FloatArray, dictionary: Dictionary) -> FloatArray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from psstereo.errors import OptionError
-from psstereo.kernels.exemplar import FAILED, SETTLED, UNSETTLED
+from psstereo.kernels.exemplar import FAILED, SETTLED
 from psstereo.kernels.exemplar_lobes import lobes
 from psstereo.lights import Rig
 from psstereo.normals.exemplar import LOBES, Exemplar
@@ -105,7 +105,7 @@ def test_two_answers_as_good_are_told_by_the_error_bar():
     grown = 0.25 * np.radians(angle(fit.normal, tilted)) ** 2
     np.testing.assert_allclose(fit.spread[0, [0, 2]], before[0, [0, 2]] + grown[0], rtol=1e-9)
     np.testing.assert_array_equal(fit.spread[1:], before[1:])
-    np.testing.assert_array_equal(fit.outcome, [UNSETTLED, SETTLED, SETTLED])
+    assert (fit.outcome == SETTLED).all()
 
 
 def test_usual_amounts_are_robust():
