@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 from psstereo.capture import Capture
+from psstereo.near import wants_near
 from psstereo.plan.choice import choose_by_facts, choose_whole
 from psstereo.plan.costs import COSTS
 from psstereo.plan.facts import Facts
@@ -46,7 +47,7 @@ class CompiledKernels(Stage):
     def apply(self, decision: Decision, capture: Capture, options: Options) -> tuple[Capture, Options]:
         """Require what follows from the work; see :meth:`Stage.apply`."""
         cost = None if options.solver is None else COSTS.get(options.solver.name)
-        if cost is None:
+        if cost is None or wants_near(capture):  # under lamps the method decides by itself
             return capture, options
         work = len(PixelSet.from_mask(capture.effective_mask)) * len(capture.stack)
         if decision.use is not (work >= cost.break_even):

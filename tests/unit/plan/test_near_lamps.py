@@ -10,6 +10,7 @@ from psstereo.near import fit, reflectance
 from psstereo.normals import LeastSquares
 from psstereo.normals.exemplar import Exemplar
 from psstereo.normals.response_bend import ResponseBend
+from psstereo.plan.costs import COSTS
 from psstereo.plan.near_run import run_near, takes_near
 from psstereo.plan.options import Options
 from psstereo.plan.plan import make_plan
@@ -97,3 +98,14 @@ def test_another_solver_is_not_passed_over(capture):
     plan = make_plan(describe(capture, Options()), Options())
     with pytest.raises(UnsupportedError, match="response-bend"):
         run_near(plan, capture, Options(solver=ResponseBend()), light_steps=(), over=map, progress=lambda *_: None)
+
+
+def test_much_work_under_lamps_is_no_contradiction():
+    """Which loops are compiled is the near method's own affair, however many samples there are."""
+    large = shoot(*pinhole_sphere(72), ring(18))
+    options = Options(solver=Exemplar())
+    plan = make_plan(describe(large, options), options)
+    assert np.count_nonzero(large.effective_mask) * 18 > COSTS["exemplar"].break_even
+    assert not plan["compiled kernels"].use
+    _, settled = follow(plan, large, options)
+    assert settled.solver is not None
