@@ -118,7 +118,7 @@ def exemplar_state(
         Numbers of the fit.
     directions : float64 array (m, 3)
         Of the lamps, seen from about the middle of the object [1].
-    materials : float64 array (q, 9) or None
+    materials : float64 array (q, 12) or None
         Amounts of each lobe in the object's materials; every lobe for itself if absent [1].
     work : float
         Samples to be fitted in all, which tell whether compiled code pays [1].

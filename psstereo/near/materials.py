@@ -35,7 +35,7 @@ class Look(NamedTuple):
         How many were looked at.
     broken : float
         Share of them at which the exemplars explain much that Lambert's law does not [1].
-    materials : float64 array (q, 9) or None
+    materials : float64 array (q, 12) or None
         Amounts of each lobe in the object's materials; None if too few pixels could be fitted [1].
     """
 

@@ -51,7 +51,7 @@ _UNTOLD = 1.0
 """Variance of a normal that is no small error any more, so that no error bar can be told [rad²]."""
 
 _PUPILS = 1500
-"""Pixels from which an object's materials are told: far more than a few materials of nine lobes have numbers."""
+"""Pixels from which an object's materials are told: far more than a few materials of twelve lobes have numbers."""
 
 _LEAST_ALBEDO = 1e-3
 """Least albedo that a pixel is given, as a share of all that it reflects; a metal has no matte part."""
@@ -145,7 +145,7 @@ class Exemplar(NormalSolver[ExemplarState]):
     the idea of [1]_ with formulas in the place of measured materials, a search by steps in the place of a list of
     candidates, and a robust loss. Where a robust Lambertian fit leaves nothing but noise, its normal stands, so that
     matte surfaces lose nothing. Lobes, ties and limits were chosen on path-traced
-    scenes of many materials. With a hundred lights it takes a pixel three times as long as the solver response-bend.
+    scenes of many materials. With a hundred lights it takes a pixel some six times as long as the solver response-bend.
 
     A pixel with fewer than twelve observations in light gets the answer of the solver response-bend, and with fewer
     than sixteen lights in all it refuses. Not for brushed metal, hair or cloth, whose reflectance turns with the
